@@ -1,0 +1,45 @@
+"""What every test may ask for: the real captures, and a still, deterministic surrounding."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+from hypothesis import settings
+
+IN_CI = os.environ.get("CI", "").lower() == "true"
+
+mpl.use("Agg")
+# A first call compiles, so a deadline would measure numba. In CI the examples do not vary.
+settings.register_profile("fringeworks", deadline=None, derandomize=IN_CI, print_blob=True)
+settings.load_profile("fringeworks")
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """Folder of the real captures; it need not exist: `real` says so where it matters."""
+    default = Path(__file__).resolve().parents[2] / "shared" / "data"
+    return Path(os.environ.get("FRINGEWORKS_DATA", default))
+
+
+@pytest.fixture(scope="session")
+def real(data_dir: Path) -> Callable[[str], Path]:
+    """Path of a real capture by name, as `real("procam-graycode")`.
+
+    Where it is missing the test is skipped with the reason; with CI=true it fails.
+    """
+
+    def find(name: str) -> Path:
+        for shelf in ("real", "sample"):
+            folder = data_dir / shelf / name
+            if folder.is_dir():
+                return folder
+        reason = f"real capture {name!r} not found below {data_dir} (set FRINGEWORKS_DATA)"
+        if IN_CI:
+            pytest.fail(reason)
+        pytest.skip(reason)
+
+    return find
