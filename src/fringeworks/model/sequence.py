@@ -1,0 +1,229 @@
+"""What is projected: patterns, sets of frames, and the sequence they make.
+
+A sequence is a description, not pixels. It travels inside its capture, so that the encoder and
+the decoder cannot disagree. Angles are radians here; files hold degrees.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from fringeworks.errors import UsageError
+
+Axis: TypeAlias = Literal["x", "y"]
+AXES: tuple[Axis, Axis] = ("x", "y")
+
+PROJECTOR_EDGE_PX = -0.5
+"""Coordinate of the projector image's edge: pixel centres sit at integers."""
+
+EDGE_TOLERANCE_PX = 1e-6
+"""An edge this close to a pixel centre counts as on it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fringe:
+    """Sinusoidal fringes, one frame per shift: ``I_n = A + B cos(Phi - shift_n)``.
+
+    ``Phi(u) = 2 pi (u - zero_px) / period_px`` with u the projector coordinate along `axis`.
+    """
+
+    axis: Axis
+    period_px: float
+    shifts_rad: tuple[float, ...]
+    zero_px: float = PROJECTOR_EDGE_PX
+
+    @property
+    def frame_count(self) -> int:
+        return len(self.shifts_rad)
+
+    def phase_at(self, coordinate_px: float) -> float:
+        """Absolute phase, rad, of a projector coordinate."""
+        return 2 * math.pi * (coordinate_px - self.zero_px) / self.period_px
+
+
+@dataclass(frozen=True, slots=True)
+class GrayCode:
+    """Reflected binary code of cells `cell_px` wide, the first starting at the image's edge.
+
+    Frames stand in this order: the bits, most significant first; the complementary bit (the
+    half-cell-shifted one, which halves the cells) if there is one; the inverse of each bit if
+    `inverted`.
+    """
+
+    axis: Axis
+    bits: int
+    cell_px: float
+    inverted: bool = False
+    complementary: bool = False
+
+    @property
+    def frame_count(self) -> int:
+        return self.bits * (2 if self.inverted else 1) + self.complementary
+
+    @property
+    def code_px(self) -> float:
+        """Width of the smallest distinguishable cell: half of `cell_px` with a complement."""
+        return self.cell_px / 2 if self.complementary else self.cell_px
+
+
+@dataclass(frozen=True, slots=True)
+class Uniform:
+    """One flat frame; `level` is the share of full scale, 0 to 1."""
+
+    level: float
+
+    @property
+    def frame_count(self) -> int:
+        return 1
+
+
+@dataclass(frozen=True, slots=True)
+class Codeword:
+    """The paper's code frame: inside fringe k a cosine of period ``codewords_px[sequence[k]]``."""
+
+    axis: Axis
+    period_px: float
+    codewords_px: tuple[float, ...]
+    sequence: tuple[int, ...] | None = None
+    zero_px: float = PROJECTOR_EDGE_PX
+
+    @property
+    def frame_count(self) -> int:
+        return 1
+
+    def codeword_of(self, order: int) -> float:
+        """Period, projector px, of the codeword that fringe `order` carries."""
+        index = order if self.sequence is None else self.sequence[order]
+        return self.codewords_px[index % len(self.codewords_px)]
+
+
+@dataclass(frozen=True, slots=True)
+class Checkerboard:
+    """A projected checkerboard with squares of `square_px` projector pixels."""
+
+    square_px: float
+
+    @property
+    def frame_count(self) -> int:
+        return 1
+
+
+@dataclass(frozen=True, slots=True)
+class Staircase:
+    """Phase coding (Wang and Zhang 2012): shifted frames whose phase is a stair of the order."""
+
+    axis: Axis
+    period_px: float
+    levels: int
+    shifts_rad: tuple[float, ...]
+
+    @property
+    def frame_count(self) -> int:
+        return len(self.shifts_rad)
+
+
+@dataclass(frozen=True, slots=True)
+class Colour:
+    """Colour-coded fringe order (Su): fringe k is painted with ``palette[k mod len]``."""
+
+    axis: Axis
+    period_px: float
+    palette: tuple[str, ...]
+
+    @property
+    def frame_count(self) -> int:
+        return 1
+
+
+@dataclass(frozen=True, slots=True)
+class Speckle:
+    """Random dots of `dot_px` projector pixels drawn from `seed`."""
+
+    seed: int
+    dot_px: float
+
+    @property
+    def frame_count(self) -> int:
+        return 1
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """Frames of no coded meaning (kind ``image`` in files)."""
+
+    frames: int = 1
+
+    @property
+    def frame_count(self) -> int:
+        return self.frames
+
+
+Pattern: TypeAlias = (
+    Fringe | GrayCode | Uniform | Codeword | Checkerboard | Staircase | Colour | Speckle | Picture
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PatternSet:
+    """A pattern as it is shown once: its frames, `repeats` images of each, at one exposure.
+
+    `group` keeps alternatives apart; sets without a group belong to all of them.
+    """
+
+    pattern: Pattern
+    group: str | None = None
+    exposure_ms: float | None = None
+    repeats: int = 1
+    timestamps_s: tuple[float, ...] | None = None
+
+    @property
+    def image_count(self) -> int:
+        return self.pattern.frame_count * self.repeats
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    """All that one projector shows for one capture; sizes in projector pixels."""
+
+    width: int
+    height: int
+    sets: tuple[PatternSet, ...]
+
+    def extent(self, axis: Axis) -> int:
+        """Number of projector pixels along `axis`."""
+        return self.width if axis == "x" else self.height
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the alternatives, in the order in which they first appear."""
+        names = (pattern_set.group for pattern_set in self.sets)
+        return tuple(dict.fromkeys(name for name in names if name is not None))
+
+    def choose_group(self, name: str | None) -> tuple[int, ...]:
+        """Indices of the sets that belong to group `name` (None: the first one there is)."""
+        if name is not None and name not in self.groups:
+            offered = ", ".join(self.groups) or "none"
+            raise UsageError(f"group must be one of the capture's ({offered}), got '{name}'")
+        chosen = name if name is not None else next(iter(self.groups), None)
+        return tuple(i for i, item in enumerate(self.sets) if item.group in (None, chosen))
+
+
+def gray_bits(extent_px: float, cell_px: float) -> int:
+    """Bits of a Gray code whose cells of `cell_px` cover `extent_px` projector pixels."""
+    cells = math.ceil(extent_px / cell_px - 1e-9)
+    return max(1, (cells - 1).bit_length())
+
+
+def pixel_on_edge(extent: int, step_px: float, *, edge_px: float = PROJECTOR_EDGE_PX) -> int | None:
+    """First of `extent` pixels whose centre lies on a code's edge ``edge_px + i step_px``, or None.
+
+    Such a pixel belongs to neither side: rounding would decide its code. For a Gray code the step
+    is `GrayCode.code_px`; steps are projector px, above zero.
+    """
+    for pixel in range(extent):
+        steps = (pixel - edge_px) / step_px
+        if abs(steps - round(steps)) * step_px < EDGE_TOLERANCE_PX:
+            return pixel
+    return None
