@@ -1,0 +1,1 @@
+"""Lens, pose, rays and forms on plain arrays."""

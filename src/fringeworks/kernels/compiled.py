@@ -1,0 +1,24 @@
+"""How every kernel is compiled: cached on disk, division by zero as in numpy, fused multiply-add.
+
+Contraction is the only liberty taken with floating point: NaN keeps its meaning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+from numba import njit
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(function: F) -> F:
+    """Compile a module-level function with the flags of this package."""
+    return cast(F, njit(cache=True, error_model="numpy", fastmath={"contract"})(function))
+
+
+def inlined(function: F) -> F:
+    """Like `kernel`, for scalar functions that loops must inline in order to vectorise."""
+    flags: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
+    return cast(F, njit(inline="always", **flags)(function))
