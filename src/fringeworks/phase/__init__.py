@@ -1,0 +1,1 @@
+"""From a capture to wrapped phase, absolute phase and projector coordinates."""

@@ -1,0 +1,212 @@
+"""From a capture to projector coordinates: demodulate every set, then order the finest.
+
+Each axis is decoded by itself: its Gray code, if it has one, places a pixel within a cell; the
+chain of `temporal` goes on from there to the finest period, from which the coordinate is taken.
+A Gray code alone gives the centre of its cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fringeworks.errors import DecodeError
+from fringeworks.model import (
+    AXES,
+    AbsolutePhase,
+    Axis,
+    Capture,
+    CodedAxis,
+    Fringe,
+    GrayCode,
+    ProjectorMap,
+    Void,
+    WrappedPhase,
+    describe_voids,
+)
+from fringeworks.model.phase import VOID_ORDER
+from fringeworks.phase.demodulate import MaskRules, demodulate
+from fringeworks.phase.gray import Contrast, GrayReading, read_gray
+from fringeworks.phase.temporal import plan_chain, run_chain
+
+OUTSIDE_SIGMAS = 5.0
+"""A coordinate outside the projector's image by more than this many sigma is void."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decoding:
+    """All that a capture says of its pixels.
+
+    Attributes
+    ----------
+    coded
+        The axes whose projector coordinate is known.
+    relative
+        Finest fringes of the axes whose orders nothing tells, with the reason for each.
+    """
+
+    coded: tuple[CodedAxis, ...]
+    relative: tuple[tuple[WrappedPhase, str], ...]
+
+    def projector_map(self) -> ProjectorMap:
+        """The coordinates.
+
+        Raises
+        ------
+        DecodeError
+            No axis is coded, or no pixel of a coded axis is valid.
+        """
+        if not self.coded:
+            reasons = "; ".join(f"axis {w.fringe.axis}: {why}" for w, why in self.relative)
+            raise DecodeError(f"no axis has a projector coordinate. {reasons or NOTHING_CODED}")
+        for axis in self.coded:
+            if not axis.valid_share:
+                raise DecodeError(
+                    f"no pixel is valid along {axis.axis}: {describe_voids(axis.void)}. Look at "
+                    "the frames' exposure, and at the order of the images in capture.toml"
+                )
+        by_name = {axis.axis: axis for axis in self.coded}
+        return ProjectorMap(by_name.get("x"), by_name.get("y"))
+
+
+NOTHING_CODED = "The capture has neither fringes nor a Gray code"
+
+
+def decode_capture(
+    capture: Capture, *, group: str | None = None, rules: MaskRules | None = None
+) -> ProjectorMap:
+    """Projector coordinates of a capture; see `decode_phases`, which it calls.
+
+    Raises
+    ------
+    DecodeError
+        No axis of the capture can be decoded, or no pixel is valid.
+    """
+    return decode_phases(capture, group=group, rules=rules).projector_map()
+
+
+def decode_phases(
+    capture: Capture, *, group: str | None = None, rules: MaskRules | None = None
+) -> Decoding:
+    """Decode each axis that the capture's group codes.
+
+    Parameters
+    ----------
+    capture
+        Frames and their sequence.
+    group
+        Which alternative to decode, where the capture has several; the first by default.
+    rules
+        What makes a pixel void.
+
+    Raises
+    ------
+    DecodeError
+        One set of fringes stands in the group with several exposures.
+    FormatError
+        A Gray code has nothing to tell light from dark by.
+    """
+    chosen, rules = capture.select(group), rules or MaskRules()
+    phases = {axis: _demodulate_axis(chosen, axis, rules) for axis in AXES}
+    coded: list[CodedAxis] = []
+    relative: list[tuple[WrappedPhase, str]] = []
+    for axis in AXES:
+        here, there = phases[axis], [item for items in phases.values() for item in items]
+        reading = read_gray(
+            chosen,
+            axis,
+            fringe_contrast=next((Contrast(w.offset, w.modulation) for w in here + there), None),
+            least_modulation=rules.modulation_share * chosen.sensor.full_scale,
+        )
+        if not here:
+            coded += [] if reading is None else [_axis_from_gray(chosen, reading, rules)]
+            continue
+        try:
+            coded.append(_axis_from_fringes(chosen.sequence.extent(axis), reading, here))
+        except DecodeError as error:
+            relative.append((_finest(here), str(error)))
+    return Decoding(tuple(coded), tuple(relative))
+
+
+def _demodulate_axis(capture: Capture, axis: Axis, rules: MaskRules) -> list[WrappedPhase]:
+    phases: list[WrappedPhase] = []
+    for fringe, frames, repeats in capture.find(Fringe):
+        if fringe.axis != axis:
+            continue
+        if any(done.fringe == fringe for done in phases):
+            raise DecodeError(
+                f"fringes of {fringe.period_px:g} px along {axis} stand twice in one group: "
+                "exposures are not fused yet; give each its own `group` in capture.toml"
+            )
+        phases.append(demodulate(frames, fringe, capture.sensor, repeats=repeats, rules=rules))
+    return phases
+
+
+def _finest(phases: Sequence[WrappedPhase]) -> WrappedPhase:
+    return min(phases, key=lambda wrapped: wrapped.fringe.period_px)
+
+
+def _axis_from_gray(capture: Capture, reading: GrayReading, rules: MaskRules) -> CodedAxis:
+    """The centre of the cell; its sigma is that of a coordinate anywhere in the cell."""
+    contrast, code = reading.contrast, reading.code
+    least = np.maximum(
+        rules.modulation_share * capture.sensor.full_scale,
+        rules.modulation_sigmas * reading.noise.sigma(contrast.offset),
+    )
+    void = np.full(least.shape, Void.VALID, np.uint8)
+    void[np.isnan(reading.coordinate)] = Void.ORDER
+    void[contrast.modulation < least] = Void.MODULATION
+    good = void == Void.VALID
+    cell_sigma, nan = np.float32(code.code_px / np.sqrt(12)), np.float32(np.nan)
+    return CodedAxis(
+        axis=code.axis,
+        coordinate=np.where(good, reading.coordinate, nan),
+        sigma=np.where(good, cell_sigma, nan),
+        offset=contrast.offset,
+        modulation=contrast.modulation,
+        phase=None,
+        void=void,
+        route=(_name_of(code),),
+    )
+
+
+def _axis_from_fringes(
+    extent: int, reading: GrayReading | None, phases: Sequence[WrappedPhase]
+) -> CodedAxis:
+    """The coordinate of the finest fringes, along the chain that `plan_chain` finds.
+
+    It starts from the Gray code, or else from the centre of the projector's image for all pixels.
+    """
+    centre = (extent - 1) / 2
+    reference, reach, route = np.full((1, 1), centre, np.float32), extent / 2, list[str]()
+    if reading is not None:
+        reference, reach = reading.coordinate, reading.code.code_px / 2
+        route = [_name_of(reading.code)]
+    chain = plan_chain([wrapped.fringe for wrapped in phases], reach)
+    coordinate, order, margin = run_chain(phases, chain, reference)
+    finest = _finest(phases)
+    sigma = finest.sigma * np.float32(finest.fringe.period_px / (2 * np.pi))
+    beyond = np.abs(coordinate - centre) - extent / 2
+    void = np.full(sigma.shape, Void.ORDER, np.uint8)
+    void[beyond <= OUTSIDE_SIGMAS * sigma] = Void.VALID
+    for n, wrapped in enumerate(phases):
+        if any(carrier.weights[n] for carrier in chain):
+            np.copyto(void, wrapped.void, where=wrapped.void != Void.VALID)
+    bad = void != Void.VALID
+    coordinate[bad], sigma[bad], margin[bad], order[bad] = np.nan, np.nan, np.nan, VOID_ORDER
+    return CodedAxis(
+        axis=finest.fringe.axis,
+        coordinate=coordinate,
+        sigma=sigma,
+        offset=finest.offset,
+        modulation=finest.modulation,
+        phase=AbsolutePhase(finest, order, margin),
+        void=void,
+        route=(*route, *map(str, chain)),
+    )
+
+
+def _name_of(code: GrayCode) -> str:
+    return f"Gray code of {code.code_px:g} px cells"
