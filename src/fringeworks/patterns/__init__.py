@@ -1,0 +1,34 @@
+"""Describe a sequence; render it.
+
+`make_sequence` describes what a projector shows, `render_sequence` turns the description into
+images, `frame_names` says what to call them.
+"""
+
+from fringeworks.patterns.checks import check_pattern, check_sequence, fringe_orders
+from fringeworks.patterns.names import frame_names
+from fringeworks.patterns.presets import (
+    PRESETS,
+    Code,
+    Preset,
+    Recipe,
+    equal_shifts,
+    frequency_ladder,
+    make_sequence,
+)
+from fringeworks.patterns.render import render, render_sequence
+
+__all__ = [
+    "PRESETS",
+    "Code",
+    "Preset",
+    "Recipe",
+    "check_pattern",
+    "check_sequence",
+    "equal_shifts",
+    "frame_names",
+    "frequency_ladder",
+    "fringe_orders",
+    "make_sequence",
+    "render",
+    "render_sequence",
+]

@@ -1,0 +1,233 @@
+"""Sequences for a purpose: a preset's recipe, changed by a few named options.
+
+`paper` is the sequence of the paper: three steps of 32 px (its equation 10), a Gray code to
+compare with, and its single code frame. `calibrate`, `measure` and `multi-frequency` follow the
+noise-optimal choices: N >= 4 steps to reject the harmonics of the response, and orders that are
+safe at the edges of every fringe.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, Literal, TypeAlias, get_args
+
+from fringeworks.model import (
+    AXES,
+    Axis,
+    Codeword,
+    Fringe,
+    GrayCode,
+    Pattern,
+    PatternSet,
+    Sequence,
+    Uniform,
+    gray_bits,
+)
+from fringeworks.patterns.checks import (
+    SHORTEST_PERIOD_PX,
+    check_projector,
+    check_sequence,
+    require,
+)
+
+Preset: TypeAlias = Literal["paper", "calibrate", "measure", "multi-frequency"]
+Code: TypeAlias = Literal["none", "gray", "complementary"]
+
+STEPS_RANGE = (3, 64)
+
+COARSEST_SHARE = 1.05
+"""Coarsest period of `multi-frequency` over the axis' extent: the guard of 5 % keeps the phases
+of both edges apart, so that it unwraps without a code."""
+
+FINER_FRINGES = (8, 64)
+"""How many fringes the finer two frequencies of `multi-frequency` put on an axis."""
+
+SHORTEST_SENSIBLE_PERIOD_PX = 6.0
+"""Below about 2 pi times the blur's sigma (5 to 8 px) a shorter period loses more modulation
+than it gains in phase."""
+
+PAPER_CODEWORDS_PX = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """What a preset projects along each axis.
+
+    Attributes
+    ----------
+    steps
+        Frames of each fringe set, 3 to 64.
+    periods_px
+        Periods, projector px, one fringe set each; empty: `frequency_ladder` of the axis.
+    code
+        Gray code of the fringe orders; its cells are the coarsest period.
+    inverted
+        Whether the inverse of each bit is shown too: the safest threshold on dark surfaces.
+    codewords_px
+        Codewords of a code frame along the first axis; empty: no code frame.
+    """
+
+    steps: int
+    periods_px: tuple[float, ...] = ()
+    code: Code = "complementary"
+    inverted: bool = False
+    codewords_px: tuple[float, ...] = ()
+
+
+PRESETS: MappingProxyType[Preset, Recipe] = MappingProxyType(
+    {
+        "paper": Recipe(steps=3, periods_px=(32.0,), codewords_px=PAPER_CODEWORDS_PX),
+        "calibrate": Recipe(steps=8, periods_px=(32.0,), inverted=True),
+        "measure": Recipe(steps=8, periods_px=(16.0,)),
+        "multi-frequency": Recipe(steps=4, code="none"),
+    }
+)
+
+
+def make_sequence(
+    preset: Preset,
+    *,
+    width: int,
+    height: int,
+    axes: tuple[Axis, ...] = AXES,
+    steps: int | None = None,
+    periods_px: tuple[float, ...] | None = None,
+    code: Code | None = None,
+    inverted: bool | None = None,
+    codewords_px: tuple[float, ...] | None = None,
+) -> Sequence:
+    """Describe what a projector shows: fringes and code per axis, code frame, white, black.
+
+    Parameters
+    ----------
+    preset
+        A key of `PRESETS`.
+    width, height
+        Size of the projector, px, 2 to 8192 each.
+    axes
+        Axes to code; a code frame belongs to the first.
+    steps, periods_px, code, inverted, codewords_px
+        In place of the recipe's own (see `Recipe`); None keeps it. ``code="none"`` leaves the
+        Gray code out, ``codewords_px=()`` the code frame.
+
+    Returns
+    -------
+    Sequence
+        Along each axis the fringes from coarse to fine, then their code. An axis on one fringe
+        alone (its coarsest period at least 1.05 times its extent) gets no Gray code.
+
+    Raises
+    ------
+    UsageError
+        For a value out of range, or patterns that could not be decoded (`check_sequence`).
+    """
+    require(preset in PRESETS, "preset", expected=f"one of {', '.join(PRESETS)}", actual=preset)
+    check_projector(width=width, height=height)
+    _check_axes(axes)
+    given: dict[str, Any] = {
+        "steps": steps,
+        "periods_px": periods_px,
+        "code": code,
+        "inverted": inverted,
+        "codewords_px": codewords_px,
+    }
+    chosen = {name: value for name, value in given.items() if value is not None}
+    recipe = replace(PRESETS[preset], **chosen)
+    _check_recipe(recipe, periods_given=periods_px is not None)
+    blank = Sequence(width, height, ())
+    extents = {axis: blank.extent(axis) for axis in axes}
+    if preset == "multi-frequency" and recipe.code == "none" and recipe.periods_px:
+        _check_guard(recipe.periods_px, max(extents.values()))
+    patterns = [p for axis in axes for p in _axis_patterns(recipe, axis, extents[axis])]
+    patterns += _code_frame(recipe, axes[0], extents[axes[0]])
+    patterns += [Uniform(1.0), Uniform(0.0)]
+    sequence = replace(blank, sets=tuple(map(PatternSet, patterns)))
+    check_sequence(sequence)
+    return sequence
+
+
+def equal_shifts(steps: int) -> tuple[float, ...]:
+    """Shifts, rad, of equal steps over one turn: ``2 pi n / N``.
+
+    Three steps stand in the paper's order, (2 pi/3, 0, -2 pi/3), for which its equation (10) is
+    written.
+    """
+    if steps == 3:
+        return (2 * math.pi / 3, 0.0, -2 * math.pi / 3)
+    return tuple(2 * math.pi * n / steps for n in range(steps))
+
+
+def frequency_ladder(extent: int) -> tuple[float, ...]:
+    """Periods, projector px, coarse to fine, that unwrap each other along `extent` pixels.
+
+    The coarsest is 1.05 times the extent, so that it shows less than one turn. The finer ones put
+    8 and 64 fringes on the axis, or as many as fit at 6 px each: below 384 px that is fewer than
+    64. A period that would repeat the one before it is left out.
+    """
+    coarsest = round(COARSEST_SHARE * extent, 2)
+    finer = (max(extent / count, SHORTEST_SENSIBLE_PERIOD_PX) for count in FINER_FRINGES)
+    return (coarsest, *dict.fromkeys(period for period in finer if period < coarsest))
+
+
+def _axis_patterns(recipe: Recipe, axis: Axis, extent: int) -> list[Pattern]:
+    """Fringes of one axis, coarse to fine, and the Gray code of the coarsest's orders."""
+    periods = _periods(recipe, extent)
+    shifts = equal_shifts(recipe.steps)
+    patterns: list[Pattern] = [Fringe(axis, period, shifts) for period in periods]
+    if recipe.code != "none" and periods[0] < COARSEST_SHARE * extent:
+        code = GrayCode(
+            axis,
+            bits=gray_bits(extent, periods[0]),
+            cell_px=periods[0],
+            inverted=recipe.inverted,
+            complementary=recipe.code == "complementary",
+        )
+        patterns.append(code)
+    return patterns
+
+
+def _periods(recipe: Recipe, extent: int) -> tuple[float, ...]:
+    """Periods along an axis, projector px, coarse to fine."""
+    return tuple(sorted(recipe.periods_px, reverse=True)) or frequency_ladder(extent)
+
+
+def _code_frame(recipe: Recipe, axis: Axis, extent: int) -> list[Pattern]:
+    """The code frame of the coarsest fringes' orders, if the recipe has codewords."""
+    if not recipe.codewords_px:
+        return []
+    return [Codeword(axis, _periods(recipe, extent)[0], recipe.codewords_px)]
+
+
+def _check_axes(axes: tuple[Axis, ...]) -> None:
+    usable = len(axes) > 0 and len(set(axes)) == len(axes) and set(axes) <= set(AXES)
+    require(usable, "axes", expected="x, y or both, each once", actual=axes)
+
+
+def _check_recipe(recipe: Recipe, *, periods_given: bool) -> None:
+    least, most = STEPS_RANGE
+    steps, periods = recipe.steps, recipe.periods_px
+    require(least <= steps <= most, "steps", expected=f"{least} to {most}", actual=steps)
+    codes = get_args(Code)
+    require(recipe.code in codes, "code", expected=f"one of {', '.join(codes)}", actual=recipe.code)
+    sampled = all(SHORTEST_PERIOD_PX <= period < math.inf for period in periods)
+    distinct = len(set(periods)) == len(periods) and len(periods) >= periods_given
+    require(
+        sampled and distinct,
+        "periods_px",
+        expected="different periods of at least 2 px, one or more",
+        actual=periods,
+    )
+
+
+def _check_guard(periods_px: tuple[float, ...], extent: int) -> None:
+    """Without a code the coarsest period itself must not wrap inside the image."""
+    least = round(COARSEST_SHARE * extent, 2)
+    coarsest = max(periods_px)
+    require(
+        coarsest >= least,
+        "the coarsest of periods_px",
+        expected=f"at least {least:g} px, {COARSEST_SHARE} times the axis' {extent} px",
+        actual=f"{coarsest:g}",
+    )
