@@ -1,0 +1,46 @@
+"""Write beside the target, then rename: a reader sees the old file or the new one, never half."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from fringeworks.errors import FormatError
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path in the folder of `path` that becomes `path` when the block succeeds.
+
+    Missing parent folders are made. The temporary name keeps the suffix of `path`; if the block
+    fails it is removed and whatever was at `path` stays.
+
+    Raises
+    ------
+    FormatError
+        The operating system refuses (no permission, disk full, `path` is a folder).
+    """
+    temporary = path.with_name(f".{path.stem}.{uuid.uuid4().hex}{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        temporary.replace(path)
+    except OSError as error:
+        _discard(temporary)
+        raise FormatError(f"{path}: cannot be written ({error.strerror or error})") from error
+    except BaseException:
+        _discard(temporary)
+        raise
+
+
+def _discard(path: Path) -> None:
+    with suppress(OSError):  # never made, or no longer within reach: the first error tells
+        path.unlink()
+
+
+def write_text(path: Path, text: str) -> None:
+    """Replace `path` by `text`: UTF-8, line ends as they are in `text`."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(text.encode())

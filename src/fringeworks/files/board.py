@@ -1,0 +1,72 @@
+"""Read ``board.toml``: the calibration board."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from fringeworks.errors import FormatError
+from fringeworks.files.validation import Table, read_toml, shorten, validated
+from fringeworks.model.board import CheckerboardTarget
+
+PLANNED_KINDS = ("charuco", "circles")
+
+Pitch = Annotated[float, Field(gt=0, le=1e5)]
+Corners = Annotated[int, Field(ge=2, le=1000)]
+
+
+class CheckerboardFile(Table):
+    """``board.toml`` of a printed checkerboard: inner corners, pitch in mm."""
+
+    kind: Literal["checkerboard"]
+    columns: Corners
+    rows: Corners
+    square_mm: Pitch | None = None
+    pitch_x_mm: Pitch | None = None
+    pitch_y_mm: Pitch | None = None
+    pitch_sigma_mm: Annotated[float, Field(ge=0)] | None = None
+    cte_per_k: Annotated[float, Field(ge=-1e-2, le=1e-2)] | None = None
+    temperature_c: Annotated[float, Field(ge=-273.15)] | None = None
+
+
+def read_board(path: str | Path) -> CheckerboardTarget:
+    """The board that ``board.toml`` describes; lengths in mm.
+
+    Raises
+    ------
+    FormatError
+        Not TOML, a key missing, unknown or out of bounds, or a kind that is not supported yet.
+    """
+    path = Path(path)
+    document = read_toml(path)
+    _check_kind(document, path)
+    board = validated(CheckerboardFile, document, path)
+    pitch_x, pitch_y = _pitch(board, path)
+    return CheckerboardTarget(
+        columns=board.columns,
+        rows=board.rows,
+        pitch_x_mm=pitch_x,
+        pitch_y_mm=pitch_y,
+        pitch_sigma_mm=board.pitch_sigma_mm,
+        cte_per_k=board.cte_per_k,
+        temperature_c=board.temperature_c,
+    )
+
+
+def _check_kind(document: dict[str, Any], path: Path) -> None:
+    kind = document.get("kind")
+    if kind in PLANNED_KINDS:
+        raise FormatError(f"{path}: kind '{kind}' is planned, not supported yet; use checkerboard")
+    if kind is not None and kind != "checkerboard":
+        raise FormatError(f"{path}: kind must be 'checkerboard', got {shorten(kind)}")
+
+
+def _pitch(board: CheckerboardFile, path: Path) -> tuple[float, float]:
+    both = (board.pitch_x_mm, board.pitch_y_mm)
+    if board.square_mm is not None and both == (None, None):
+        return board.square_mm, board.square_mm
+    if board.square_mm is None and board.pitch_x_mm is not None and board.pitch_y_mm is not None:
+        return board.pitch_x_mm, board.pitch_y_mm
+    raise FormatError(f"{path}: give either square_mm, or both pitch_x_mm and pitch_y_mm")

@@ -1,0 +1,162 @@
+"""The images of a capture: where they are, whether they fit together, and their pixels.
+
+All headers are read before the first pixel is, so that a capture of a hundred images fails in
+milliseconds and not after a minute.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import TypeVar
+
+import numpy as np
+
+from fringeworks.errors import FormatError
+from fringeworks.files.image_header import ImageHeader, inspect_image
+from fringeworks.files.images import decode_image, quiet_opencv, to_grey
+from fringeworks.files.validation import SHOWN
+from fringeworks.model.capture import Frames
+from fringeworks.model.progress import Progress, no_progress
+
+MAX_CAPTURE_BYTES = 8 * 2**30
+"""Largest capture that is held in memory: all grey frames of the chosen group, bytes."""
+
+MAX_THREADS = 4
+"""Decoding releases the interpreter: two threads save a third of the time, more add little."""
+
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True, slots=True)
+class ImageFile:
+    """An image of a capture whose header has been read."""
+
+    path: Path
+    header: ImageHeader
+
+
+def locate_images(folder: Path, names: Iterable[str]) -> list[Path]:
+    """Paths of images named in ``capture.toml``, every one inside `folder`.
+
+    Raises
+    ------
+    FormatError
+        A name leaves the folder (absolute, ``..``, a link to elsewhere), or files are missing:
+        the message counts them and names the first few.
+    """
+    wanted = list(names)
+    paths = [_inside(folder, name) for name in wanted]
+    missing = [name for name, path in zip(wanted, paths, strict=True) if not _is_file(path)]
+    if missing:
+        missing = list(dict.fromkeys(missing))
+        shown = ", ".join(missing[:SHOWN]) + (", ..." if len(missing) > SHOWN else "")
+        raise FormatError(
+            f"{folder}: {len(missing)} of {len(set(wanted))} images are missing: {shown}; "
+            "record them, or correct the names in capture.toml"
+        )
+    return paths
+
+
+def _inside(folder: Path, name: str) -> Path:
+    windows = PureWindowsPath(name)
+    if not name or "\0" in name or "\\" in name:
+        raise FormatError(f"{folder}: image path {name!r} must be a name, with / between folders")
+    leaves = windows.drive or windows.root or ".." in PurePosixPath(name).parts
+    try:
+        path = folder / name
+        leaves = leaves or not path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a name too long
+        raise FormatError(f"{folder}: image path {name!r} cannot be followed ({error})") from None
+    if leaves:
+        raise FormatError(
+            f"{folder}: image path {name!r} leaves the capture's folder; "
+            "copy the image into it (links to elsewhere are not followed)"
+        )
+    return path
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def inspect_images(paths: Iterable[Path]) -> dict[Path, ImageFile]:
+    """Headers of all images, which must have one size and one depth.
+
+    Raises
+    ------
+    FormatError
+        As `inspect_image`; or naming the two images that differ.
+    """
+    found = {path: ImageFile(path, inspect_image(path)) for path in dict.fromkeys(paths)}
+    first = next(iter(found.values()))
+    for image in found.values():
+        _check_alike(image, first)
+    return found
+
+
+def _check_alike(image: ImageFile, first: ImageFile) -> None:
+    one, other = image.header, first.header
+    if (one.width, one.height) != (other.width, other.height):
+        raise FormatError(
+            f"{image.path}: {one.width}x{one.height}, but {first.path.name} is "
+            f"{other.width}x{other.height}; all images of a capture have one camera's size"
+        )
+    if one.bits != other.bits:
+        raise FormatError(
+            f"{image.path}: {one.bits} bit, but {first.path.name} is {other.bits} bit; "
+            "record all images of a capture with one depth"
+        )
+
+
+def check_memory(folder: Path, images: Sequence[ImageFile]) -> None:
+    """Refuse what would not fit into `MAX_CAPTURE_BYTES` before anything is allocated."""
+    needed = sum(image.header.grey_bytes for image in images)
+    if needed > MAX_CAPTURE_BYTES:
+        raise FormatError(
+            f"{folder}: {len(images)} images need {needed / 2**30:.1f} GiB, at most "
+            f"{MAX_CAPTURE_BYTES / 2**30:g} GiB are read at once; split the capture into groups"
+        )
+
+
+def decode_stacks(
+    sets: Sequence[Sequence[ImageFile]], progress: Progress = no_progress
+) -> tuple[Frames, ...]:
+    """One grey stack ``(n, H, W)`` per set, uint8 or uint16; colour becomes its luma."""
+    stacks = tuple(_empty_stack(images) for images in sets)
+    jobs = [
+        (stack, index, image)
+        for stack, images in zip(stacks, sets, strict=True)
+        for index, image in enumerate(images)
+    ]
+
+    def decode(job: tuple[Frames, int, ImageFile]) -> None:
+        stack, index, image = job
+        stack[index] = to_grey(decode_image(image.path, image.header))
+
+    with quiet_opencv():
+        _run_all(decode, jobs, progress)
+    return stacks
+
+
+def _empty_stack(images: Sequence[ImageFile]) -> Frames:
+    header = images[0].header
+    shape = (len(images), header.height, header.width)
+    return np.empty(shape, np.uint8) if header.bits == 8 else np.empty(shape, np.uint16)
+
+
+def _run_all(work: Callable[[Item], None], jobs: Sequence[Item], progress: Progress) -> None:
+    with ThreadPoolExecutor(min(MAX_THREADS, os.cpu_count() or 1)) as pool:
+        futures = [pool.submit(work, job) for job in jobs]
+        try:
+            for future in progress(futures, "reading images"):
+                future.result()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise

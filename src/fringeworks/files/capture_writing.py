@@ -1,0 +1,230 @@
+"""Write a capture: images first, ``capture.toml`` last, so that half a capture is none."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterable, Mapping
+from collections.abc import Sequence as Items
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+
+from fringeworks.errors import FormatError, UsageError
+from fringeworks.files.atomic import write_text
+from fringeworks.files.capture import CAPTURE_TOML, parse_capture
+from fringeworks.files.capture_schema import CAPTURE_FORMAT
+from fringeworks.files.images import write_image
+from fringeworks.model.capture import Capture, Frames, Sensor
+from fringeworks.model.progress import Progress, no_progress
+from fringeworks.model.sequence import (
+    Checkerboard,
+    Codeword,
+    Colour,
+    Fringe,
+    GrayCode,
+    Pattern,
+    PatternSet,
+    Picture,
+    Sequence,
+    Speckle,
+    Staircase,
+    Uniform,
+)
+from fringeworks.patterns import frame_names
+
+KINDS: dict[type[Pattern], str] = {
+    Fringe: "fringe",
+    GrayCode: "gray",
+    Uniform: "uniform",
+    Codeword: "codeword",
+    Checkerboard: "checkerboard",
+    Staircase: "staircase",
+    Colour: "colour",
+    Speckle: "speckle",
+    Picture: "image",
+}
+
+
+def write_capture(
+    capture: Capture,
+    folder: str | Path,
+    *,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Path:
+    """Write a capture's PNG images and ``capture.toml`` into `folder`; see `write_sequence`.
+
+    The colour of the white frame, where there is one, stands in the file of the brightest
+    uniform set.
+    """
+    return write_sequence(
+        capture.sequence,
+        _images(capture),
+        folder,
+        sensor=capture.sensor,
+        provenance=capture.provenance,
+        overwrite=overwrite,
+        progress=progress,
+    )
+
+
+def write_sequence(
+    sequence: Sequence,
+    stacks: Iterable[Items[Frames]],
+    folder: str | Path,
+    *,
+    sensor: Sensor | None = None,
+    provenance: Mapping[str, Any] | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Path:
+    """Write the images of each set, then the ``capture.toml`` that describes them.
+
+    `stacks` yields the frames of one set after the other, ``(n, H, W)`` or a list of images; only
+    one set need be in memory. A capture that is already there is only replaced with
+    `overwrite`; its description goes first, so that no moment pairs old words with new images.
+    Returns the path of ``capture.toml``.
+
+    Raises
+    ------
+    UsageError
+        `folder` holds a capture and `overwrite` is False, or the sequence is one that
+        `read_capture` would refuse.
+    FormatError
+        A file cannot be written.
+    """
+    target = Path(folder) / CAPTURE_TOML
+    text = describe_capture(sequence, sensor=sensor, provenance=provenance)
+    _clear(target, overwrite=overwrite)
+    names = iter(frame_names(sequence))
+    sources = iter(stacks)
+    for _ in (progress or no_progress)(sequence.sets, "writing images"):
+        for name, image in zip(next(names), next(sources), strict=True):
+            write_image(target.parent / name, image)
+    write_text(target, text)
+    return target
+
+
+def describe_capture(
+    sequence: Sequence,
+    *,
+    sensor: Sensor | None = None,
+    provenance: Mapping[str, Any] | None = None,
+) -> str:
+    """Text of the ``capture.toml`` whose images are called `patterns.frame_names`.
+
+    Raises
+    ------
+    UsageError
+        A sequence that `read_capture` would refuse, or a provenance that TOML cannot hold.
+    """
+    document: dict[str, Any] = {
+        "format": CAPTURE_FORMAT,
+        "projector": {"width": sequence.width, "height": sequence.height},
+    }
+    if sensor is not None:
+        document["camera"] = _given(asdict(sensor))
+    if provenance:
+        document["provenance"] = dict(provenance)
+    names = frame_names(sequence)
+    document["set"] = [
+        _describe_set(item, row) for item, row in zip(sequence.sets, names, strict=True)
+    ]
+    return _checked(document)
+
+
+def _checked(document: dict[str, Any]) -> str:
+    try:
+        text = tomlkit.dumps(document)
+        parse_capture(tomllib.loads(text), Path(CAPTURE_TOML))
+    except FormatError as error:
+        raise UsageError(f"this capture could not be read back: {error}") from None
+    except (TypeError, ValueError) as error:  # tomlkit's own errors are ValueErrors
+        raise UsageError(f"this capture cannot be written as TOML: {error}") from error
+    return text
+
+
+def _clear(target: Path, *, overwrite: bool) -> None:
+    if not target.exists():
+        return
+    if not overwrite:
+        raise UsageError(f"{target.parent}: holds a capture already; choose another folder")
+    try:
+        target.unlink()
+    except OSError as error:
+        raise FormatError(f"{target}: cannot be replaced ({error.strerror or error})") from error
+
+
+def _images(capture: Capture) -> list[list[Frames]]:
+    """All frames; that of the brightest uniform set in colour where there is one."""
+    images = [list(stack) for _, stack in capture]
+    levels = [
+        (item.pattern.level, index)
+        for index, item in enumerate(capture.sequence.sets)
+        if isinstance(item.pattern, Uniform)
+    ]
+    if capture.colour is not None and levels:
+        brightest = max(levels, key=lambda level: (level[0], -level[1]))[1]
+        images[brightest][0] = capture.colour
+    return images
+
+
+def _describe_set(item: PatternSet, names: Items[str]) -> dict[str, Any]:
+    table = {"kind": KINDS[type(item.pattern)], **_describe_pattern(item.pattern)}
+    if item.repeats != 1:
+        table["repeats"] = item.repeats
+    further = _given(
+        {
+            "group": item.group,
+            "exposure_ms": item.exposure_ms,
+            "timestamps_s": None if item.timestamps_s is None else list(item.timestamps_s),
+        }
+    )
+    return {**table, **further, **_describe_images(item, names)}
+
+
+def _describe_pattern(pattern: Pattern) -> dict[str, Any]:
+    """Keys of a pattern: its fields under the same names, angles in degrees."""
+    fields = asdict(pattern)
+    if isinstance(pattern, Picture):
+        return {}
+    for counted in ("bits", "inverted", "complementary") if isinstance(pattern, GrayCode) else ():
+        del fields[counted]
+    if "shifts_rad" in fields:
+        fields["shifts_deg"] = [_degrees(value) for value in fields.pop("shifts_rad")]
+    return _given(
+        {key: list(value) if isinstance(value, tuple) else value for key, value in fields.items()}
+    )
+
+
+def _describe_images(item: PatternSet, given: Items[str]) -> dict[str, Any]:
+    names = list(given)
+    if not isinstance(item.pattern, GrayCode):
+        return {"images": names}
+    bits = item.pattern.bits * item.repeats
+    halves = bits + item.pattern.complementary * item.repeats
+    complement = names[bits:halves]
+    return _given(
+        {
+            "images": names[:bits],
+            "complementary": complement[0] if len(complement) == 1 else complement or None,
+            "inverted": names[halves:] or None,
+        }
+    )
+
+
+def _given(table: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in table.items() if value is not None}
+
+
+def _degrees(radians: float) -> float:
+    """The shortest decimal number of degrees that is this angle to within rounding."""
+    degrees = math.degrees(radians)
+    for digits in range(6, 15):
+        short = round(degrees, digits)
+        if math.isclose(math.radians(short), radians, rel_tol=4e-16, abs_tol=1e-300):
+            return short
+    return degrees

@@ -1,0 +1,96 @@
+"""``rig.json`` as it stands in the file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from fringeworks.files.validation import Table
+
+RIG_FORMAT = "fringeworks-rig/1"
+
+FURTHER_KEYS = (
+    "extended",
+    "transfer",
+    "response",
+    "station_from_camera",
+    "covariance",
+    "calibration",
+    "provenance",
+)
+"""Keys that are kept as they stand in `Rig.further`; their owners check them."""
+
+Extent = Annotated[int, Field(ge=1, le=65536)]
+Focal = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Count = Annotated[int, Field(ge=0)]
+Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
+
+
+class UnitsTable(Table):
+    """Units, which are not a choice."""
+
+    length: Literal["mm"]
+    angle: Literal["rad"]
+    image: Literal["px"]
+
+
+class PoseTable(Table):
+    """``X_device = rotation @ X_rig + translation_mm``."""
+
+    rotation: Annotated[list[Triple], Field(min_length=3, max_length=3)]
+    translation_mm: Triple
+
+
+class DeviceTable(Table):
+    """A camera or projector: size and lens, px, and pose."""
+
+    kind: Literal["camera", "projector"]
+    width: Extent
+    height: Extent
+    fx: Focal
+    fy: Focal
+    cx: float
+    cy: float
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    k3: float = 0.0
+    device_from_rig: PoseTable
+
+
+class VolumeTable(Table):
+    """Depth range of the calibration, mm, z of the camera frame."""
+
+    z_min: float
+    z_max: float
+
+
+class QualityTable(Table):
+    """See `Quality`."""
+
+    camera_rms_px: NotNegative
+    projector_rms_px: NotNegative
+    joint_rms_px: NotNegative
+    views_used: Count
+    observations_used: Count
+    observations_offered: Count
+
+
+class RigFile(Table):
+    """The whole ``rig.json``; the keys of `FURTHER_KEYS` are free in form."""
+
+    format: Literal["fringeworks-rig/1"]
+    units: UnitsTable | None = None
+    devices: dict[str, DeviceTable]
+    volume_mm: VolumeTable | None = None
+    quality: QualityTable | None = None
+    extended: Any = None
+    transfer: Any = None
+    response: Any = None
+    station_from_camera: Any = None
+    covariance: Any = None
+    calibration: Any = None
+    provenance: Any = None

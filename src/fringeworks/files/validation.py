@@ -1,0 +1,176 @@
+"""From a parsed file to a checked one: pydantic's errors as one clear line each."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from fringeworks.errors import FormatError
+
+MAX_TEXT_BYTES = 16 * 2**20
+"""Largest description that is read; a capture.toml of a thousand images has 0.1 MB."""
+
+SHOWN = 5
+"""How many of several equal complaints a message lists."""
+
+Location = tuple[int | str, ...]
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Table(BaseModel):
+    """A table of a file: no unknown keys, no conversion of types, finite numbers only."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+def read_text(path: Path) -> str:
+    """A small UTF-8 text file, with or without byte order mark."""
+    try:
+        if path.stat().st_size > MAX_TEXT_BYTES:
+            raise FormatError(f"{path}: larger than {MAX_TEXT_BYTES} bytes; is it the right file?")
+        return path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except UnicodeDecodeError as error:
+        raise FormatError(f"{path}: not UTF-8 text (byte {error.start})") from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """A TOML file as plain Python values; syntax errors name the line."""
+    try:
+        return tomllib.loads(read_text(path))
+    except RecursionError:
+        raise FormatError(f"{path}: not valid TOML: too deeply nested") from None
+    except ValueError as error:  # TOMLDecodeError, and integers of thousands of digits
+        raise FormatError(f"{path}: not valid TOML: {error}") from None
+
+
+def validated(model: type[Model], document: Mapping[str, Any], path: Path) -> Model:
+    """`document` as `model`, or a FormatError with one line for each thing wrong."""
+    try:
+        return model.model_validate(document)
+    except ValidationError as error:
+        problems = [_line(model, item) for item in error.errors(include_url=False)]
+        raise FormatError(format_problems(path, problems)) from None
+
+
+def format_problems(path: Path, problems: list[str]) -> str:
+    """The first few problems, one line each, every one with the file in front."""
+    lines = [f"{path}: {problem}" for problem in problems[:SHOWN]]
+    if len(problems) > SHOWN:
+        lines.append(f"... and {len(problems) - SHOWN} more")
+    return "\n".join(lines)
+
+
+def suggest(name: object, known: Iterable[str]) -> str:
+    """``, did you mean 'x'?`` for the nearest of the known names, or nothing."""
+    near = difflib.get_close_matches(str(name), list(known), n=2, cutoff=0.6)
+    return f", did you mean {' or '.join(map(repr, near))}?" if near else ""
+
+
+def _line(model: type[BaseModel], item: Mapping[str, Any]) -> str:
+    place, key = _place(item["loc"])
+    return f"{place}{_complaint(model, item, key)}"
+
+
+def _place(location: Location) -> tuple[str, str]:
+    """``set 3 (fringe): `` and the key within; indices count from 1 for sets only."""
+    if len(location) >= 2 and location[0] == "set" and isinstance(location[1], int):
+        kind = f" ({location[2]})" if len(location) > 2 else ""
+        return f"set {location[1] + 1}{kind}: ", _dotted(location[3:])
+    return "", _dotted(location)
+
+
+def _dotted(location: Location) -> str:
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
+    return text.removeprefix(".")
+
+
+_COMPARISONS = {
+    "greater_than": ("must be > {}", "gt"),
+    "greater_than_equal": ("must be >= {}", "ge"),
+    "less_than": ("must be < {}", "lt"),
+    "less_than_equal": ("must be <= {}", "le"),
+    "literal_error": ("must be {}", "expected"),
+}
+_TYPES = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "string_type": "text",
+    "list_type": "a list",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "finite_number": "a finite number",
+}
+
+
+def _complaint(model: type[BaseModel], item: Mapping[str, Any], key: str) -> str:
+    kind, given, context = item["type"], shorten(item["input"]), item.get("ctx", {})
+    if kind == "missing":
+        return f"{key} is missing"
+    if kind == "extra_forbidden":
+        known = _known_keys(model, item["loc"])
+        return f"unknown key '{key}'{suggest(item['loc'][-1], known) or _list(known)}"
+    if kind == "union_tag_not_found":
+        return "kind is missing"
+    if kind == "union_tag_invalid":
+        tags = [tag.strip(" '") for tag in context["expected_tags"].split(",")]
+        return f"kind must be one of {', '.join(tags)}, got '{context['tag']}'" + suggest(
+            context["tag"], tags
+        )
+    if kind in _COMPARISONS:
+        text, bound = _COMPARISONS[kind]
+        limit = context[bound]
+        limit = f"{limit:g}" if isinstance(limit, float) else limit
+        return f"{key} {text.format(limit)}, got {given}"
+    if kind in ("too_short", "too_long", "string_too_short"):
+        return f"{key} {_length(context)}"
+    if kind in _TYPES:
+        return f"{key or 'it'} must be {_TYPES[kind]}, got {given}"
+    return f"{key}: {item['msg']}, got {given}"
+
+
+def _length(context: Mapping[str, Any]) -> str:
+    bound = context.get("max_length", context.get("min_length"))
+    if bound == 1:
+        return "must not be empty"
+    return f"must hold {bound} entries, got {context['actual_length']}"
+
+
+def _list(known: Iterable[str]) -> str:
+    return f"; known here: {', '.join(known)}"
+
+
+def shorten(value: object, width: int = 60) -> str:
+    """`repr` of a value from a file, cut to what fits a message."""
+    text = repr(value)
+    return text if len(text) <= width else text[: width - 3] + "..."
+
+
+def _known_keys(model: type[BaseModel], location: Location) -> list[str]:
+    """Keys that the table around an unknown key may have."""
+    tables = [model]
+    for part in location[:-1]:
+        fields = [table.model_fields[part] for table in tables if part in table.model_fields]
+        if fields:
+            tables = [table for field in fields for table in _tables_in(field.annotation)] or tables
+        else:  # an index, the name in a mapping, or the tag of a union
+            tables = [table for table in tables if _tag(table) == part] or tables
+    return list(dict.fromkeys(key for table in tables for key in table.model_fields))
+
+
+def _tag(table: type[BaseModel]) -> str | None:
+    field = table.model_fields.get("kind")
+    return next(iter(get_args(field.annotation)), None) if field else None
+
+
+def _tables_in(annotation: object) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [table for argument in get_args(annotation) for table in _tables_in(argument)]

@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from fringeworks.errors import FormatError
+from fringeworks.files import read_board
+from fringeworks.model import CheckerboardTarget
+
+GOOD = 'kind = "checkerboard"\ncolumns = 11\nrows = 8\n'
+
+
+def board(folder: Path, text: str) -> CheckerboardTarget:
+    (folder / "board.toml").write_text(text, encoding="utf-8")
+    return read_board(folder / "board.toml")
+
+
+def test_square_is_both_pitches(tmp_path: Path) -> None:
+    assert board(tmp_path, GOOD + "square_mm = 13") == CheckerboardTarget(11, 8, 13.0, 13.0)
+
+
+def test_every_key(tmp_path: Path) -> None:
+    text = GOOD + (
+        "pitch_x_mm = 13.01\npitch_y_mm = 12.99\npitch_sigma_mm = 0.002\n"
+        "cte_per_k = 2.4e-5\ntemperature_c = 20.0\n"
+    )
+    expected = CheckerboardTarget(11, 8, 13.01, 12.99, 0.002, 2.4e-5, 20.0)
+    assert board(tmp_path, text) == expected
+
+
+def test_the_real_board(real: Callable[[str], Path]) -> None:
+    target = read_board(real("procam-graycode") / "board.toml")
+    assert target == CheckerboardTarget(7, 9, 75.0, 75.0)
+
+
+EITHER = "give either square_mm, or both pitch_x_mm and pitch_y_mm"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (GOOD, EITHER),
+        (GOOD + "square_mm = 13.0\npitch_x_mm = 13.0\n", EITHER),
+        (GOOD + "pitch_y_mm = 13.0\n", EITHER),
+        (GOOD + "square_mm = 0.0", r"board\.toml: square_mm must be > 0, got 0\.0"),
+        (GOOD + "square_mm = inf", "square_mm must be a finite number, got inf"),
+        (GOOD + "squares_mm = 13.0", "unknown key 'squares_mm', did you mean 'square_mm'"),
+        (GOOD.replace("11", "1") + "square_mm = 13.0", "columns must be >= 2, got 1"),
+        (GOOD.replace("11", "11.0") + "square_mm = 13.0", "columns must be a whole number"),
+        ('kind = "checkerboard"\nrows = 8\nsquare_mm = 1.0', "columns is missing"),
+        ('kind = "charuco"', "kind 'charuco' is planned, not supported yet; use checkerboard"),
+        ('kind = "circles"', "kind 'circles' is planned"),
+        ('kind = "dots"', "kind must be 'checkerboard', got 'dots'"),
+        ("columns = 3", "kind is missing"),
+        ("columns = ", r"not valid TOML: .*\(at"),
+        ("kind = []", r"kind must be 'checkerboard', got \[\]"),
+    ],
+)
+def test_refusals(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(FormatError, match=message) as caught:
+        board(tmp_path, text)
+    assert str(tmp_path / "board.toml") in str(caught.value)
+
+
+def test_no_such_file(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match=r"none\.toml: cannot be read \(No such file"):
+        read_board(tmp_path / "none.toml")

@@ -1,0 +1,161 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fringeworks.errors import FormatError, UsageError
+from fringeworks.files import read_cloud, write_cloud
+from fringeworks.model import Cloud
+
+H, W = 6, 8
+
+
+def plane() -> Cloud:
+    """A plane that falls by 0.5 mm per column, with one void pixel at its edge."""
+    row, column = np.mgrid[:H, :W].astype(np.float32)
+    xyz = np.stack([column, row, 500 - column / 2], axis=-1).astype(np.float32)
+    xyz[0, 0] = np.nan
+    sigma = (0.01 * (1 + row)).astype(np.float32)
+    return Cloud(xyz, sigma, 20 * column + row, 0.1 * row, frame="board")
+
+
+def colours(dtype: Any = np.uint8) -> Any:
+    rng = np.random.default_rng(5)
+    return rng.integers(0, 250, (H, W, 3)).astype(dtype)
+
+
+@pytest.mark.parametrize("colour", [None, colours(), colours(np.uint16)])
+def test_npz_keeps_everything(tmp_path: Path, colour: Any) -> None:
+    cloud = replace(plane(), colour=colour)
+    write_cloud(tmp_path / "a.npz", cloud)
+    again = read_cloud(tmp_path / "a.npz")
+    for name in ("xyz", "sigma_mm", "intensity", "epipolar_px", "colour"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(cloud, name))
+    assert again.frame == "board"
+    assert again.xyz.dtype == np.float32
+
+
+def test_npz_is_as_documented(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "a.npz", plane())
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as arrays:
+        assert set(arrays) == {"xyz", "sigma_mm", "intensity", "epipolar_px", "frame"}
+        assert arrays["xyz"].shape == (H, W, 3)
+        assert str(arrays["frame"]) == "board"
+
+
+def test_npz_with_xyz_alone(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", xyz=plane().xyz.astype(float))
+    cloud = read_cloud(tmp_path / "a.npz")
+    np.testing.assert_array_equal(cloud.xyz, plane().xyz)
+    assert cloud.frame == "unknown"
+    assert np.isnan(cloud.sigma_mm).all()
+    assert np.isnan(cloud.epipolar_px).all()
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"points": np.zeros(3)}, "holds no xyz; is it a cloud"),
+        ({"xyz": np.zeros((4, 3))}, r"xyz must be \(H, W, 3\), got \(4, 3\)"),
+        ({"xyz": np.zeros((0, 4, 3))}, r"xyz must be \(H, W, 3\), got \(0, 4, 3\)"),
+        ({"xyz": np.zeros((2, 2, 3), "S1")}, r"xyz must be numbers of shape \(2, 2, 3\), got \|S1"),
+        (
+            {"xyz": np.zeros((2, 2, 3)), "sigma_mm": np.zeros(4)},
+            r"sigma_mm must be numbers of shape \(2, 2\), got float64 of \(4,\)",
+        ),
+        (
+            {"xyz": np.zeros((2, 2, 3)), "colour": np.zeros((2, 2, 3))},
+            r"colour must be uint8 or uint16 of shape \(2, 2, 3\), got float64",
+        ),
+    ],
+)
+def test_npz_refusals(tmp_path: Path, arrays: dict[str, Any], message: str) -> None:
+    np.savez(tmp_path / "a.npz", **arrays)
+    with pytest.raises(FormatError, match=message):
+        read_cloud(tmp_path / "a.npz")
+
+
+def test_ply_has_the_valid_points(tmp_path: Path) -> None:
+    cloud = plane()
+    write_cloud(tmp_path / "a.ply", cloud)
+    again = read_cloud(tmp_path / "a.ply")
+    assert again.xyz.shape == (1, H * W - 1, 3)
+    np.testing.assert_array_equal(again.xyz[0], cloud.xyz[cloud.valid])
+    np.testing.assert_array_equal(again.sigma_mm[0], cloud.sigma_mm[cloud.valid])
+    np.testing.assert_allclose(again.intensity[0], cloud.intensity[cloud.valid])
+    assert again.colour is None
+    assert again.frame == "board"
+
+
+def test_ply_colour_is_8_bit(tmp_path: Path) -> None:
+    cloud = replace(plane(), colour=colours())
+    write_cloud(tmp_path / "a.ply", cloud)
+    again = read_cloud(tmp_path / "a.ply").colour
+    assert again is not None
+    np.testing.assert_array_equal(again[0], colours()[cloud.valid])
+
+
+@pytest.mark.parametrize("white", [255, 1023, 4095, 16383, 65535])
+def test_deep_colour_is_scaled_by_its_full_scale(tmp_path: Path, white: int) -> None:
+    colour = colours(np.uint16) * np.uint16(white // 255)
+    colour[3, 3] = white
+    cloud = replace(plane(), colour=colour)
+    write_cloud(tmp_path / "a.ply", cloud)
+    again = read_cloud(tmp_path / "a.ply").colour
+    assert again is not None
+    expected = np.rint(colour[cloud.valid] * (255.0 / white))
+    np.testing.assert_allclose(again[0], expected, atol=1)  # float32 at a rounding edge
+    assert again.max() == 255
+
+
+def test_xyz_is_text(tmp_path: Path) -> None:
+    cloud = plane()
+    write_cloud(tmp_path / "a.xyz", cloud)
+    lines = (tmp_path / "a.xyz").read_text().splitlines()
+    assert lines[:2] == ["1 0 499.5", "2 0 499"]
+    again = read_cloud(tmp_path / "a.xyz")
+    np.testing.assert_array_equal(again.xyz[0], cloud.xyz[cloud.valid])
+    assert again.frame == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "holds no points"),
+        (b"# only words\n", "holds no points"),
+        (b"1 2\n", "not lines of x y z"),
+        (b"1 2 three\n", "not lines of x y z"),
+        (b"\xff\xfe\x00", "not lines of x y z"),
+    ],
+)
+def test_xyz_refusals(tmp_path: Path, data: bytes, message: str) -> None:
+    (tmp_path / "a.xyz").write_bytes(data)
+    with pytest.raises(FormatError, match=rf"a\.xyz: {message}"):
+        read_cloud(tmp_path / "a.xyz")
+
+
+@pytest.mark.parametrize("suffix", ["npz", "ply", "xyz", "NPZ"])
+def test_no_such_file(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(FormatError, match="no such file"):
+        read_cloud(tmp_path / f"a.{suffix}")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a.pcd", r"cloud format '\.pcd' is planned; use one of \.npz, \.ply, \.xyz"),
+        ("a.stl", r"cloud format '\.stl' is planned"),
+        ("a.las", r"cloud format '\.las' is not known; use one of \.npz, \.ply, \.xyz"),
+        ("cloud", "cloud format '' is not known"),
+    ],
+)
+def test_other_suffixes(tmp_path: Path, name: str, message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        write_cloud(tmp_path / name, plane())
+    with pytest.raises(UsageError, match=message):
+        read_cloud(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
