@@ -1,0 +1,1 @@
+"""From projector coordinates and a rig to a cloud."""
