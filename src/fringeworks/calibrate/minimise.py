@@ -1,0 +1,114 @@
+"""Levenberg-Marquardt with Huber's loss on normal equations that are summed block by block.
+
+A view's residuals depend on the shared parameters and on its own pose alone, so that the blocks
+are small. `scipy.optimize.least_squares` finds the same minimum by a singular value decomposition
+of the whole Jacobian at every step, ten times slower for 25 views. The inverse of the normal
+matrix is the covariance of the parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+Block: TypeAlias = tuple[Array, Array, NDArray[np.intp]]
+"""Residuals ``(m,)`` in standard deviations, their Jacobian ``(m, k)``, and which of the
+parameters its columns belong to ``(k,)``."""
+
+Model: TypeAlias = Callable[[Array], Iterable[Block]]
+"""The blocks at parameters ``(n,)``."""
+
+MOST_STEPS = 300
+_STEP = 1e-6
+_GAIN = 1e-12
+_FIRST_DAMPING = 1e-3
+_MOST_DAMPING = 1e12
+_HARDLY_ANY = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Minimum:
+    """Where the loss is least, as far as it `converged`: parameters ``(n,)``."""
+
+    parameters: Array
+    converged: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Point:
+    """Parameters with their loss, its gradient ``(n,)`` and normal matrix ``(n, n)``."""
+
+    parameters: Array
+    loss: float
+    gradient: Array
+    normal: Array
+
+
+def minimise(model: Model, start: Array, *, huber: float) -> Minimum:
+    """Least sum of Huber losses of the residuals, beyond `huber` linear.
+
+    It ends where Newton's step would move the residuals by less than 1e-6 standard deviations in
+    all, or lower the loss by less than 1e-12 of it. Not converged: 300 steps were not enough, or
+    nothing lowers the loss though the gradient says so.
+    """
+    point = _evaluate(model, start, huber)
+    damping, growth = _FIRST_DAMPING, 2.0
+    for _ in range(MOST_STEPS):
+        if growth == 2.0 and _settled(point):
+            return Minimum(point.parameters, converged=True)
+        step = _damped_step(point, damping)
+        expected = -float(step @ point.gradient) - 0.5 * float(step @ point.normal @ step)
+        trial = _evaluate(model, point.parameters + step, huber)
+        gained = point.loss - trial.loss
+        if gained > 0:
+            damping *= max(1 / 3, 1 - (2 * gained / expected - 1) ** 3)
+            point, growth = trial, 2.0
+        else:  # not a number counts as worse
+            damping, growth = damping * growth, growth * 2
+            if damping > _MOST_DAMPING:
+                break
+    return Minimum(point.parameters, converged=False)
+
+
+def _settled(point: _Point) -> bool:
+    newton = _damped_step(point, _HARDLY_ANY)
+    moves = float(np.linalg.norm(newton * _scale(point)))
+    gain = -float(newton @ point.gradient) / 2
+    return moves < _STEP or gain < _GAIN * point.loss
+
+
+def _scale(point: _Point) -> Array:
+    return np.sqrt(np.maximum(np.diag(point.normal), 1e-300))
+
+
+def _damped_step(point: _Point, damping: float) -> Array:
+    """Marquardt's step, solved with the parameters scaled to a normal matrix of unit diagonal."""
+    scale = _scale(point)
+    matrix = point.normal / np.outer(scale, scale)
+    matrix[np.diag_indices_from(matrix)] += damping
+    try:
+        return np.asarray(-np.linalg.solve(matrix, point.gradient / scale) / scale)
+    except np.linalg.LinAlgError:
+        return np.zeros_like(scale)
+
+
+def _evaluate(model: Model, parameters: Array, huber: float) -> _Point:
+    loss = 0.0
+    gradient = np.zeros(len(parameters))
+    normal = np.zeros((len(parameters), len(parameters)))
+    for residuals, jacobian, columns in model(parameters):
+        size = np.abs(residuals)
+        far = size > huber
+        loss += float(np.sum(np.where(far, huber * (size - huber / 2), size**2 / 2)))
+        weights = np.where(far, huber / np.maximum(size, huber), 1.0)
+        weighted = jacobian * weights[:, None]
+        gradient[columns] += weighted.T @ residuals
+        # einsum, since BLAS would wake all its threads for each of these small products
+        normal[np.ix_(columns, columns)] += np.einsum("ij,ik->jk", weighted, jacobian)
+    return _Point(parameters, loss, gradient, normal)

@@ -1,0 +1,232 @@
+"""From views, or from captures one at a time, to a rig that has been looked at before it is given.
+
+Order: start, refine, leave out the worst corners (few, counted, each with its reason), refine
+again, refuse what cannot be right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fringeworks.calibrate.bundle import Fit, RigState, refine, rms_px
+from fringeworks.calibrate.checks import (
+    LEAST_VIEWS,
+    Failed,
+    blame,
+    enough_views,
+    findings,
+    first_fit,
+    refuse_nonsense,
+)
+from fringeworks.calibrate.observe import View, observe_board
+from fringeworks.calibrate.record import make_record
+from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
+from fringeworks.errors import CalibrationError, DecodeError
+from fringeworks.geometry.pose import rotation_matrix
+from fringeworks.model import (
+    Camera,
+    Capture,
+    CheckerboardTarget,
+    Lens,
+    Pose,
+    Projector,
+    Quality,
+    Rig,
+)
+from fringeworks.phase.decode import decode_capture
+
+Array = NDArray[np.float64]
+
+
+def calibrate_captures(
+    captures: Iterable[Capture],
+    board: CheckerboardTarget,
+    *,
+    settings: CalibrationSettings | None = None,
+) -> Rig:
+    """Calibrate from captures of a board in different poses.
+
+    Parameters
+    ----------
+    captures
+        One at a time is enough: a generator that reads them holds one in memory.
+    board
+        With its measured pitch: every length of the rig scales with it.
+
+    Returns
+    -------
+    rig
+        As `calibrate_rig` makes it. A capture that gives no view is named with its reason in
+        ``rig.further["calibration"]["failed_captures"]`` and its corners count as offered.
+
+    Raises
+    ------
+    CalibrationError
+        Fewer than three captures give a view (each failure is listed), their image sizes differ,
+        or as `calibrate_rig`.
+    """
+    settings = settings or CalibrationSettings()
+    views: list[View] = []
+    failed: list[tuple[str, str]] = []
+    sizes: tuple[ImageSize, ImageSize] | None = None
+    for capture in captures:
+        sizes = _same_sizes(capture, sizes)
+        try:
+            views.append(_observe(capture, board, settings))
+        except (CalibrationError, DecodeError) as error:
+            failed.append((capture.name, str(error).removeprefix(f"{capture.name}: ")))
+        del capture  # the next one is read before the loop's name is bound anew
+    if sizes is None:
+        raise CalibrationError(f"no captures: at least {LEAST_VIEWS} poses of the board are needed")
+    return calibrate_rig(
+        views,
+        board,
+        camera_size=sizes[0],
+        projector_size=sizes[1],
+        settings=settings,
+        failed=failed,
+    )
+
+
+def calibrate_rig(
+    views: Sequence[View],
+    board: CheckerboardTarget,
+    *,
+    camera_size: ImageSize,
+    projector_size: ImageSize,
+    settings: CalibrationSettings | None = None,
+    failed: Failed = (),
+) -> Rig:
+    """Solve for both lenses and their pose from views of a board.
+
+    Parameters
+    ----------
+    failed
+        Captures that gave no view, as (name, reason): counted and recorded.
+
+    Returns
+    -------
+    rig
+        With `quality` over all kept corners, `volume_mm` from their depths, and
+        ``further["calibration"]``, see `record.make_record`.
+
+    Raises
+    ------
+    CalibrationError
+        Fewer than three views; views all of one orientation; no projector explains the
+        coordinates; the refinement does not settle, or leaves more than 5 px rms in a device
+        (naming the worst view and what to look for).
+    """
+    settings = settings or CalibrationSettings()
+    enough_views(views, failed)
+    try:
+        fit = first_fit(views, camera_size, settings)
+    except CalibrationError as error:
+        raise CalibrationError(f"{error}{blame(views, camera_size, settings)}") from error
+    trimmed = leave_out_worst(fit, views, settings)
+    if trimmed is not views:
+        views, fit = trimmed, refine(fit.state, trimmed, settings)
+        refuse_nonsense(fit, views)
+    record = make_record(
+        fit,
+        views,
+        board=board,
+        settings=settings,
+        failed=failed,
+        findings=findings(fit, views, failed),
+    )
+    offered = sum(len(view.reasons) for view in views) + len(failed) * board.corner_count
+    state = fit.state
+    return Rig(
+        camera=Camera(camera_size.width, camera_size.height, Lens.from_vector(state.camera)),
+        projector=Projector(
+            projector_size.width, projector_size.height, Lens.from_vector(state.projector)
+        ),
+        projector_from_camera=_pose(state.projector_from_camera),
+        volume_mm=_depth_range(state, views),
+        quality=_quality(fit, offered),
+        further={"calibration": record},
+    )
+
+
+def leave_out_worst(
+    fit: Fit, views: Sequence[View], settings: CalibrationSettings
+) -> Sequence[View]:
+    """The views with their worst corners left out: see `CalibrationSettings.trim_share`.
+
+    A corner's badness is its distance in either device over that device's standard deviation.
+    The same views are returned if there is nothing to leave out.
+    """
+    badness = [
+        np.maximum(
+            np.hypot(part[:, 0], part[:, 1]) / fit.sigma_px[0],
+            np.hypot(part[:, 2], part[:, 3]) / fit.sigma_px[1],
+        )
+        for part in fit.residuals
+    ]
+    ranked = np.sort(np.concatenate(badness))[::-1]
+    allowed = int(settings.trim_share * sum(len(view.reasons) for view in views))
+    worst = ranked[:allowed][ranked[:allowed] > settings.trim_sigmas]
+    if not len(worst):
+        return views
+    return [_without(view, part >= worst[-1]) for view, part in zip(views, badness, strict=True)]
+
+
+def _without(view: View, bad: NDArray[np.bool_]) -> View:
+    """The view without those of its kept corners that are bad."""
+    reasons = np.array(view.reasons, dtype=object)
+    reasons[np.flatnonzero(view.kept)[bad]] = "does not fit the other corners"
+    return replace(view, reasons=tuple(str(reason) for reason in reasons))
+
+
+def _observe(capture: Capture, board: CheckerboardTarget, settings: CalibrationSettings) -> View:
+    capture = capture.select()
+    return observe_board(capture, decode_capture(capture), board, settings=settings)
+
+
+def _same_sizes(
+    capture: Capture, before: tuple[ImageSize, ImageSize] | None
+) -> tuple[ImageSize, ImageSize]:
+    """Camera and projector size of the capture, which must be those of the captures before."""
+    height, width = capture.shape
+    projector = ImageSize(capture.sequence.width, capture.sequence.height)
+    sizes = (ImageSize(width, height), projector)
+    for device, now, then in zip(("camera", "projector"), sizes, before or sizes, strict=True):
+        if now != then:
+            raise CalibrationError(
+                f"{capture.name}: the {device}'s image is {now.width} x {now.height}, in the "
+                f"captures before {then.width} x {then.height}: all captures must share one rig"
+            )
+    return sizes
+
+
+def _pose(values: Array) -> Pose:
+    return Pose(rotation_matrix(values[:3]), values[3:].copy())
+
+
+def _depth_range(state: RigState, views: Sequence[View]) -> tuple[float, float]:
+    """Smallest and largest z, mm, of the kept corners in the camera's frame."""
+    depths = np.concatenate(
+        [
+            (view.board_mm[view.kept] @ rotation_matrix(pose[:3]).T + pose[3:])[:, 2]
+            for view, pose in zip(views, state.camera_from_board, strict=True)
+        ]
+    )
+    return float(depths.min()), float(depths.max())
+
+
+def _quality(fit: Fit, offered: int) -> Quality:
+    """Root mean squares over all kept corners; one corner in one view is one observation."""
+    camera, projector, joint = rms_px(fit.residuals)
+    return Quality(
+        camera_rms_px=camera,
+        projector_rms_px=projector,
+        joint_rms_px=joint,
+        views_used=len(fit.residuals),
+        observations_used=sum(len(part) for part in fit.residuals),
+        observations_offered=offered,
+    )

@@ -1,0 +1,324 @@
+from __future__ import annotations
+
+import gc
+import json
+import weakref
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fringeworks.calibrate import (
+    CalibrationSettings,
+    ImageSize,
+    View,
+    calibrate_captures,
+    calibrate_rig,
+)
+from fringeworks.calibrate import solve as solve_module
+from fringeworks.calibrate.record import views_from_record
+from fringeworks.errors import CalibrationError, DecodeError, FormatError
+from fringeworks.geometry.pose import rotation_matrix
+from fringeworks.model import Capture, Rig, Sensor, Sequence
+from fringeworks.model.sequence import PatternSet, Uniform
+from tests.calibrate.synthetic import (
+    BOARD,
+    CAMERA,
+    PROJECTOR,
+    RELATION,
+    board_poses,
+    rig_state,
+    square_sides,
+    triangulate_corners,
+    views_of,
+)
+
+CAMERA_SIZE, PROJECTOR_SIZE = ImageSize(752, 480), ImageSize(608, 684)
+SIGMA = 0.05
+POSES = board_poses(5, rng=np.random.default_rng(3))
+
+
+def calibrate(views: list[View], failed: tuple[tuple[str, str], ...] = ()) -> Rig:
+    return calibrate_rig(
+        views,
+        BOARD,
+        camera_size=CAMERA_SIZE,
+        projector_size=PROJECTOR_SIZE,
+        failed=failed,
+    )
+
+
+@pytest.fixture(scope="module")
+def views() -> list[View]:
+    return views_of(rig_state(POSES), sigma=SIGMA, rng=np.random.default_rng(3))
+
+
+@pytest.fixture(scope="module")
+def rig(views: list[View]) -> Rig:
+    return calibrate(views)
+
+
+def test_clean_views_give_the_rig_back() -> None:
+    rig = calibrate(views_of(rig_state(POSES)))
+    np.testing.assert_allclose(rig.camera.lens.vector, CAMERA, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(rig.projector.lens.vector, PROJECTOR, rtol=1e-6, atol=1e-6)
+    pose = rig.projector_from_camera
+    np.testing.assert_allclose(pose.rotation, rotation_matrix(RELATION[:3]), atol=1e-7)
+    np.testing.assert_allclose(pose.translation_mm, RELATION[3:], atol=1e-4)
+
+
+def test_quality_counts_and_root_mean_squares(rig: Rig) -> None:
+    quality = rig.quality
+    assert quality is not None
+    assert (quality.views_used, quality.observations_used) == (5, 440)
+    assert quality.observations_offered == 440
+    # 1760 coordinates less 48 parameters; the sampled rms of so many spreads by 2 %
+    expected = SIGMA * np.sqrt(2 * (1 - 48 / 1760))
+    assert quality.joint_rms_px == pytest.approx(expected, rel=0.08)
+    joint = np.sqrt((quality.camera_rms_px**2 + quality.projector_rms_px**2) / 2)
+    assert quality.joint_rms_px == pytest.approx(joint)
+
+
+def test_sizes_and_volume(rig: Rig) -> None:
+    assert (rig.camera.width, rig.camera.height) == (752, 480)
+    assert (rig.projector.width, rig.projector.height) == (608, 684)
+    depths = [(BOARD.corners_mm() @ rotation_matrix(p[:3]).T + p[3:])[:, 2] for p in POSES]
+    near, far = np.min(depths), np.max(depths)
+    assert rig.volume_mm == pytest.approx((near, far), abs=5.0)
+
+
+def test_record_is_json_and_solves_to_the_same_rig(rig: Rig) -> None:
+    text = json.dumps(rig.further["calibration"], allow_nan=False)
+    again = calibrate(views_from_record(json.loads(text)))
+    np.testing.assert_allclose(again.camera.lens.vector, rig.camera.lens.vector, rtol=1e-6)
+    assert again.quality is not None
+    assert rig.quality is not None
+    assert again.quality.joint_rms_px == pytest.approx(rig.quality.joint_rms_px, rel=1e-6)
+    assert again.quality.observations_used == rig.quality.observations_used
+
+
+def test_record_says_view_by_view(rig: Rig) -> None:
+    record = rig.further["calibration"]
+    assert record["board"]["columns"] == BOARD.columns
+    assert record["settings"]["camera_free"] == CalibrationSettings().camera_free
+    assert record["failed_captures"] == []
+    assert record["findings"] == []
+    first = record["views"][0]
+    assert (first["name"], first["offered"], first["kept"]) == ("pose_0", 88, 88)
+    residuals = np.array(first["camera_residual_px"])
+    rms = np.sqrt(np.mean(np.sum(residuals**2, axis=1)))
+    assert first["camera_rms_px"] == pytest.approx(rms)
+    assert record["rms_of_all_px"]["joint"] == pytest.approx(rig.quality.joint_rms_px)  # type: ignore[union-attr]
+
+
+def test_incomplete_record_is_refused(rig: Rig) -> None:
+    record = json.loads(json.dumps(rig.further["calibration"]))
+    del record["views"][1]["projector_px"]
+    with pytest.raises(FormatError, match="projector_px"):
+        views_from_record(record)
+
+
+def test_squares_of_a_pose_it_never_saw(rig: Rig) -> None:
+    pose = board_poses(1, rng=np.random.default_rng(77))
+    (view,) = views_of(rig_state(pose))
+    sides = square_sides(triangulate_corners(rig, view.camera_px, view.projector_px), BOARD)
+    assert sides.mean() == pytest.approx(13.0, abs=0.02)
+
+
+def bent(views: list[View], corners: dict[tuple[int, int], float]) -> list[View]:
+    """Views whose corners (view, corner) are shifted by so many px in the camera's x."""
+    out = [replace(view, camera_px=view.camera_px.copy()) for view in views]
+    for (view, corner), shift in corners.items():
+        out[view].camera_px[corner, 0] += shift
+    return out
+
+
+def test_wrong_corners_are_left_out_and_counted(views: list[View], rig: Rig) -> None:
+    spoilt = calibrate(bent(views, {(0, 0): 6.0, (3, 17): -4.0}))
+    quality = spoilt.quality
+    assert quality is not None
+    assert (quality.observations_used, quality.observations_offered) == (438, 440)
+    entry = spoilt.further["calibration"]["views"][0]
+    assert entry["left_out"] == {"does not fit the other corners": 1}
+    assert entry["reasons"][0] == "does not fit the other corners"
+    assert entry["camera_residual_px"][0][0] == pytest.approx(6.0, abs=0.4)
+    assert spoilt.further["calibration"]["rms_of_all_px"]["camera"] > 2 * quality.camera_rms_px
+    assert any("pose_0: 1 of 88" in found for found in spoilt.further["calibration"]["findings"])
+    assert rig.camera.lens.fx == pytest.approx(spoilt.camera.lens.fx, rel=2e-3)
+
+
+def test_no_more_than_two_percent_are_left_out(views: list[View]) -> None:
+    spoilt = calibrate(bent(views, {(1, corner): 4.0 for corner in range(0, 60, 3)}))
+    assert spoilt.quality is not None
+    assert spoilt.quality.observations_used == 440 - 8  # 2 % of 440, rounded down
+
+
+def test_captures_that_failed_count_as_offered(views: list[View]) -> None:
+    rig = calibrate(views, (("dark", "no board was found"),))
+    assert rig.quality is not None
+    assert rig.quality.observations_offered == 440 + 88
+    assert "dark was not used: no board was found" in rig.further["calibration"]["findings"]
+
+
+def test_two_views_are_not_enough(views: list[View]) -> None:
+    with pytest.raises(CalibrationError, match="at least 3 views") as error:
+        calibrate(views[:2], (("a", "no board"), ("b", "only axis x is coded")))
+    assert "2 can be used (pose_0, pose_1); 2 failed" in str(error.value)
+    assert "a: no board" in str(error.value)
+    assert "b: only axis x is coded" in str(error.value)
+
+
+def test_parallel_boards() -> None:
+    poses = POSES.copy()
+    poses[:, :3] = poses[0, :3] + np.random.default_rng(0).normal(0, 0.02, (5, 3))
+    with pytest.raises(CalibrationError, match=r"same orientation in all 5 views .*tilted by 20"):
+        calibrate(views_of(rig_state(poses), sigma=SIGMA))
+
+
+def test_weak_tilt_is_a_finding() -> None:
+    rng = np.random.default_rng(5)
+    poses = board_poses(6, rng=rng, tilt=0.13)
+    rig = calibrate(views_of(rig_state(poses), sigma=0.01, rng=rng))
+    assert any("tilted by at most" in found for found in rig.further["calibration"]["findings"])
+
+
+def with_projector(view: View, projector_px: NDArray[np.float64]) -> View:
+    return replace(view, projector_px=projector_px)
+
+
+def test_mirrored_projector_names_the_view(views: list[View]) -> None:
+    flipped = [
+        with_projector(view, view.projector_px * [-1, 1] + [607, 0]) if i == 2 else view
+        for i, view in enumerate(views)
+    ]
+    with pytest.raises(CalibrationError, match=r"pose_2: .*mirrored.*Without pose_2 the others"):
+        calibrate(flipped)
+
+
+def test_swapped_axes(views: list[View]) -> None:
+    swapped = [with_projector(view, view.projector_px[:, ::-1]) for view in views]
+    with pytest.raises(CalibrationError, match="frames of the two axes swapped"):
+        calibrate(swapped)
+
+
+def test_gray_bits_out_of_order(views: list[View]) -> None:
+    scrambled = []
+    for view in views:
+        column = np.rint(view.projector_px[:, 0]).astype(int) ^ 37
+        scrambled.append(with_projector(view, np.stack([column, view.projector_px[:, 1]], axis=1)))
+    with pytest.raises(CalibrationError, match=r"px rms, worst in pose_\d .*Gray bits out of"):
+        calibrate(scrambled)
+
+
+def test_a_moved_board_is_named(views: list[View]) -> None:
+    shifted = with_projector(views[2], views[2].projector_px + np.array([60, 0]))
+    moved = [*views[:2], shifted, *views[3:]]
+    with pytest.raises(CalibrationError, match=r"worst in pose_2 .*Without pose_2") as error:
+        calibrate(moved)
+    assert "moved during a capture" in str(error.value)
+
+
+def test_projector_coordinates_of_another_pose(views: list[View]) -> None:
+    mixed = [*views[:2], with_projector(views[2], views[3].projector_px), *views[3:]]
+    with pytest.raises(CalibrationError, match=r"Without pose_2 the others fit to 0\.\d+ px"):
+        calibrate(mixed)
+
+
+def test_corners_that_fit_no_board(views: list[View]) -> None:
+    scatter = np.random.default_rng(0).normal(0, 20, views[1].camera_px.shape)
+    torn = replace(views[1], camera_px=views[1].camera_px + scatter)
+    with pytest.raises(CalibrationError, match=r"do not fit a board, worst in pose_1") as error:
+        calibrate([views[0], torn, *views[2:]])
+    assert "Without pose_1 the others fit" in str(error.value)
+
+
+def test_wrong_pitch_is_at_least_a_finding(views: list[View]) -> None:
+    stretched = [replace(view, board_mm=view.board_mm * [1, 1.3, 1]) for view in views]
+    rig = calibrate(stretched)
+    assert any("residuals are large" in found for found in rig.further["calibration"]["findings"])
+
+
+# From captures: what decodes and what is seen is given, so that only the glue is under test.
+
+
+def capture(name: str, width: int = 752, projector: int = 608) -> Capture:
+    frames = np.zeros((1, 480, width), np.uint8)
+    sequence = Sequence(projector, 684, (PatternSet(Uniform(1.0)),))
+    return Capture(sequence, (frames,), Sensor(255.0), name=name)
+
+
+@pytest.fixture
+def seen(views: list[View], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Captures called pose_0 ... pose_4 give the synthetic views; any other has no board."""
+    by_name = {view.name: view for view in views}
+
+    def decode(capture: Capture) -> str:
+        if capture.name == "dark":
+            raise DecodeError("no pixel is valid along x")
+        return capture.name
+
+    def observe(capture: Capture, projector_map: str, *_: object, **__: object) -> View:
+        if projector_map not in by_name:
+            raise CalibrationError(f"{capture.name}: no board of 11 x 8 inner corners was found")
+        return by_name[projector_map]
+
+    monkeypatch.setattr(solve_module, "decode_capture", decode)
+    monkeypatch.setattr(solve_module, "observe_board", observe)
+
+
+@pytest.mark.usefixtures("seen")
+def test_captures_give_the_same_rig_as_their_views(rig: Rig) -> None:
+    names = ["pose_0", "dark", "pose_1", "pose_2", "wall", "pose_3", "pose_4"]
+    found = calibrate_captures((capture(name) for name in names), BOARD)
+    np.testing.assert_allclose(found.camera.lens.vector, rig.camera.lens.vector, rtol=1e-6)
+    failed = found.further["calibration"]["failed_captures"]
+    assert failed == [
+        {"name": "dark", "reason": "no pixel is valid along x"},
+        {"name": "wall", "reason": "no board of 11 x 8 inner corners was found"},
+    ]
+
+
+@pytest.mark.usefixtures("seen")
+def test_one_capture_in_memory_at_a_time() -> None:
+    alive: list[weakref.ref[NDArray[np.uint8]]] = []
+
+    def captures() -> Iterator[Capture]:
+        for name in ("pose_0", "pose_1", "pose_2", "pose_3"):
+            gc.collect()
+            assert all(reference() is None for reference in alive)
+            item = capture(name)
+            alive.append(weakref.ref(item.frames[0]))  # type: ignore[arg-type]
+            yield item
+            del item
+
+    calibrate_captures(captures(), BOARD)
+    assert len(alive) == 4
+
+
+@pytest.mark.usefixtures("seen")
+def test_too_few_captures_list_their_failures() -> None:
+    names = ["pose_0", "dark", "wall", "pose_1"]
+    with pytest.raises(CalibrationError, match="2 can be used") as error:
+        calibrate_captures(map(capture, names), BOARD)
+    assert "dark: no pixel is valid along x" in str(error.value)
+    assert "wall: no board of 11 x 8" in str(error.value)
+
+
+def test_no_captures() -> None:
+    with pytest.raises(CalibrationError, match="no captures"):
+        calibrate_captures([], BOARD)
+
+
+@pytest.mark.usefixtures("seen")
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        (capture("b", width=640), "b: the camera's image is 640 x 480, .* 752 x 480"),
+        (capture("b", projector=1024), "b: the projector's image is 1024 x 684, .* 608 x 684"),
+    ],
+)
+def test_captures_of_different_sizes(other: Capture, message: str) -> None:
+    with pytest.raises(CalibrationError, match=message):
+        calibrate_captures([capture("pose_0"), other], BOARD)
