@@ -1,0 +1,135 @@
+"""What a stage found, in plain values: what commands print, and their ``--json``.
+
+Units stand in the names; NaN is None, which JSON knows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fringeworks.geometry.forms import PlaneFit
+from fringeworks.model import Cloud, CodedAxis, Lens, Noise, Rig, Void, WrappedPhase
+from fringeworks.model.phase import VOID_WORDS, VoidMap
+from fringeworks.phase.decode import Decoding
+
+Summary = dict[str, Any]
+
+COORDINATES = {"x": "column", "y": "row"}
+NOISE_WORDS = {
+    "camera": "the capture's [camera] table",
+    "residual": "the residual of the fit",
+    "high-pass": "high-pass differences of the frames",
+}
+
+
+def summarise_decoding(decoding: Decoding) -> dict[str, Summary]:
+    """One summary per axis: ``absolute`` says whether its coordinate is known."""
+    axes = {axis.axis: _summarise_coded(axis) for axis in decoding.coded}
+    for wrapped, reason in decoding.relative:
+        axes[wrapped.fringe.axis] = _summarise_relative(wrapped, reason)
+    return {name: axes[name] for name in sorted(axes)}
+
+
+def _summarise_coded(axis: CodedAxis) -> Summary:
+    return {
+        "absolute": True,
+        "coordinate": COORDINATES[axis.axis],
+        "route": list(axis.route),
+        "valid_share": axis.valid_share,
+        "voids": _void_shares(axis.void),
+        "sigma_px_median": _median(axis.sigma),
+        "noise": None if axis.phase is None else _noise(axis.phase.wrapped.noise),
+    }
+
+
+def _summarise_relative(wrapped: WrappedPhase, reason: str) -> Summary:
+    return {
+        "absolute": False,
+        "reason": reason,
+        "period_px": wrapped.fringe.period_px,
+        "valid_share": float(np.mean(np.isfinite(wrapped.phase))),
+        "voids": _void_shares(wrapped.void),
+        "sigma_rad_median": _median(wrapped.sigma),
+        "noise": _noise(wrapped.noise),
+    }
+
+
+def _void_shares(void: VoidMap) -> dict[str, float]:
+    """Share of all pixels that each rule made void, by the rule's words; zero ones left out."""
+    counts = np.bincount(void.ravel(), minlength=len(Void))
+    return {
+        words: float(counts[rule] / void.size) for rule, words in VOID_WORDS.items() if counts[rule]
+    }
+
+
+def _noise(noise: Noise) -> Summary:
+    return {
+        "source": noise.source,
+        "from": NOISE_WORDS[noise.source],
+        "read_grey": noise.read,
+        "gain_grey": noise.gain,
+    }
+
+
+def summarise_cloud(cloud: Cloud) -> Summary:
+    """Number of points, where they are, and how well they are known."""
+    points = cloud.points()
+    low, high = np.percentile(points[:, 2], [1, 99])
+    epipolar = cloud.epipolar_px[np.isfinite(cloud.epipolar_px)].astype(np.float64)
+    return {
+        "points": len(points),
+        "valid_share": float(np.mean(cloud.valid)),
+        "frame": cloud.frame,
+        "z_mm": {"p1": float(low), "median": float(np.median(points[:, 2])), "p99": float(high)},
+        "sigma_mm_median": _median(cloud.sigma_mm),
+        "epipolar_rms_px": float(np.sqrt(np.mean(epipolar**2))) if epipolar.size else None,
+    }
+
+
+def summarise_plane(plane: PlaneFit) -> Summary:
+    """The plane and how far its points lie from it."""
+    return {
+        "normal": [float(value) for value in plane.normal],
+        "offset_mm": plane.offset_mm,
+        "flatness_mm": plane.flatness_mm,
+        "form_rms_mm": plane.form_rms_mm,
+        "band95_mm": plane.band95_mm,
+        "points": len(plane.deviations_mm),
+    }
+
+
+def summarise_rig(rig: Rig) -> Summary:
+    """Lenses, pose and volume in the words of ``rig.json``."""
+    turn = rig.projector_from_camera.rotation
+    angle = math.acos(float(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
+    return {
+        "camera": _lens(rig.camera.lens, rig.camera.width, rig.camera.height),
+        "projector": _lens(rig.projector.lens, rig.projector.width, rig.projector.height),
+        "baseline_mm": rig.baseline_mm,
+        "translation_mm": [float(value) for value in rig.projector_from_camera.translation_mm],
+        "rotation_deg": math.degrees(angle),
+        "volume_mm": None if rig.volume_mm is None else list(rig.volume_mm),
+    }
+
+
+def _lens(lens: Lens, width: int, height: int) -> Summary:
+    names = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+    values = dict(zip(names, (float(value) for value in lens.vector), strict=True))
+    return {"width": width, "height": height, **values}
+
+
+def summarise_views(rig: Rig) -> list[Summary]:
+    """Per view of the rig's calibration: residuals and what was kept of it, with the reasons."""
+    record: Mapping[str, Any] = rig.further.get("calibration", {})
+    keys = ("name", "image", "camera_rms_px", "projector_rms_px", "kept", "offered", "left_out")
+    return [{key: view[key] for key in keys} for view in record.get("views", [])]
+
+
+def _median(values: NDArray[np.floating]) -> float | None:
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else None
