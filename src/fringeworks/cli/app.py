@@ -1,0 +1,111 @@
+"""The verbs, and the exit status of what goes wrong in them (see ``docs/formats.md``)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from fringeworks import __version__
+from fringeworks.cli.bench import bench
+from fringeworks.cli.calibrate import calibrate
+from fringeworks.cli.decode import decode
+from fringeworks.cli.demo import demo
+from fringeworks.cli.measure import measure
+from fringeworks.cli.output import print_error
+from fringeworks.cli.patterns import patterns
+from fringeworks.cli.scan import scan
+from fringeworks.errors import FringeworksError
+
+INTERRUPTED = 130
+
+
+ALONG_THE_LINE = ("patterns", "calibrate", "decode", "scan", "measure", "demo", "bench")
+
+
+class Verbs(TyperGroup):
+    """Turns the package's own errors into one line and their exit status."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Verbs in the order of the line; typer would put groups last."""
+        return sorted(super().list_commands(ctx), key=ALONG_THE_LINE.index)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a verb."""
+        try:
+            return super().invoke(ctx)
+        except FringeworksError as error:
+            print_error(str(error))
+            raise typer.Exit(error.exit_status) from None
+        except KeyboardInterrupt:
+            print_error("interrupted", label="")
+            raise typer.Exit(INTERRUPTED) from None
+
+
+app = typer.Typer(
+    cls=Verbs,
+    rich_markup_mode=None,  # plain help takes half the time
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Lengths are mm, image coordinates px with pixel centres at whole numbers. Exit status: "
+    "0 done, 1 the data cannot give a result, 2 wrong use, 3 a device failed.",
+)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"fringeworks {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def fringeworks(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
+    ] = False,
+) -> None:
+    """3D measurement by fringe projection: patterns, calibration, decoding, clouds, numbers."""
+
+
+def _add(verb: Callable[..., None], *, short: str, example: str) -> None:
+    app.command(short_help=short, epilog=f"Example: fringeworks {example}")(verb)
+
+
+_add(
+    patterns,
+    short="Images for a projector, and their capture.toml.",
+    example="patterns measure --projector 1920x1080 --out patterns/",
+)
+_add(
+    calibrate,
+    short="From captures of a board to a rig.",
+    example="calibrate captures/ --board board.toml --out rig.json --figures figures/",
+)
+_add(
+    decode,
+    short="Phases and projector coordinates of a capture.",
+    example="decode capture/ --out phase.npz --figures figures/",
+)
+_add(
+    scan,
+    short="From a capture and a rig to a cloud.",
+    example="scan capture/ --rig rig.json --out cloud.ply --z-range 500:900",
+)
+app.add_typer(measure)
+_add(
+    demo,
+    short="The whole line on a real capture.",
+    example="demo --out out/demo",
+)
+_add(
+    bench,
+    short="Speed and accuracy, next to peers.",
+    example="bench --json",
+)

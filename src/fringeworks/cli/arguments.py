@@ -1,0 +1,92 @@
+"""What is written on a command line, made into values; messages show what is wanted."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Annotated, Literal
+
+import typer
+
+from fringeworks.errors import UsageError
+
+Range = tuple[float, float]
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """``608x684``: width and height, px."""
+    match = re.fullmatch(r"(\d+)\s*[xX×]\s*(\d+)", text.strip())
+    if match is None:
+        raise UsageError(f"--projector must be WIDTHxHEIGHT in px, as 1920x1080, got '{text}'")
+    return int(match[1]), int(match[2])
+
+
+def parse_ranges(text: str, *, option: str, form: str) -> tuple[Range, ...]:
+    """``MIN:MAX,MIN:MAX``: as many ranges as `form` has; an empty end is open."""
+    parts = text.split(",")
+    if len(parts) != form.count(":"):
+        raise UsageError(f"{option} must be {form}, got '{text}'")
+    return tuple(_parse_range(part, text, option=option, form=form) for part in parts)
+
+
+def _parse_range(part: str, whole: str, *, option: str, form: str) -> Range:
+    ends = part.split(":")
+    try:
+        low, high = (
+            float(end) if end.strip() else default
+            for end, default in zip(ends, (-math.inf, math.inf), strict=True)
+        )
+    except ValueError:
+        raise UsageError(f"{option} must be {form}, got '{whole}'") from None
+    if math.isnan(low) or math.isnan(high) or low >= high:
+        raise UsageError(f"{option}: each range must rise, got '{part}' in '{whole}'")
+    return low, high
+
+
+def parse_numbers(text: str, *, option: str) -> tuple[float, ...]:
+    """``32`` or ``2,3,4``: numbers with commas between them; ``none`` for no number at all."""
+    if text.strip().lower() == "none":
+        return ()
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(
+            f"{option} must be numbers with commas between them, or none, got '{text}'"
+        ) from None
+
+
+def refuse_planned(value: str | None, param: typer.CallbackParam) -> None:
+    """Options whose names are fixed and that are not built yet say so."""
+    if value is not None:
+        raise UsageError(f"{param.opts[0]} is planned and not built yet")
+
+
+def refuse_planned_flag(value: bool, param: typer.CallbackParam) -> None:
+    """The same for an option without a value."""
+    refuse_planned("" if value else None, param)
+
+
+def require_built(option: str, value: str, *, built: str, planned: tuple[str, ...]) -> None:
+    """Of several names that are fixed only `built` exists so far."""
+    if value in planned:
+        raise UsageError(f"{option} {value} is planned and not built yet; use {built}")
+    if value != built:
+        raise UsageError(f"{option} must be {built}, got '{value}'")
+
+
+Axis = Literal["x", "y"]
+
+GroupOption = Annotated[
+    str | None,
+    typer.Option(
+        "--group", metavar="NAME", help="Which alternative, where the capture has several groups."
+    ),
+]
+ZRangeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--z-range",
+        metavar="MIN:MAX",
+        help="Depths to keep, mm, camera frame [default: the rig's volume, 10 % wider].",
+    ),
+]

@@ -1,0 +1,167 @@
+"""``fringeworks calibrate``: from captures of a board to a rig."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fringeworks.cli.arguments import refuse_planned, require_built
+from fringeworks.cli.output import JsonFlag, Output, Progress
+from fringeworks.errors import UsageError
+
+if TYPE_CHECKING:
+    from fringeworks.model import Capture, Rig
+
+
+def calibrate(
+    captures: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CAPTURE...", help="Captures of the board, or a folder whose subfolders are."
+        ),
+    ],
+    board: Annotated[Path, typer.Option("--board", help="board.toml: corners and pitch, mm.")],
+    out: Annotated[Path, typer.Option("--out", help="File to write: rig.json.")],
+    figures: Annotated[
+        Path | None,
+        typer.Option("--figures", metavar="DIR", help="Draw residuals and poses into this folder."),
+    ] = None,
+    as_json: JsonFlag = False,
+    model: Annotated[str, typer.Option("--model", hidden=True)] = "joint",
+    extended: Annotated[str, typer.Option("--extended", hidden=True)] = "none",
+    report: Annotated[str | None, typer.Option(hidden=True, callback=refuse_planned)] = None,
+) -> None:
+    """Calibrate camera and projector together from captures of a board in several poses.
+
+    Three views are the least, eight or more tilted by 20 to 40 degrees about both axes are good.
+    Both axes must be coded. Writes rig.json: lenses (px), relative pose (mm), depth range (mm).
+    """
+    require_built("--model", model, built="joint", planned=("paper",))
+    require_built("--extended", extended, built="none", planned=("map", "paper"))
+    output = Output(as_json=as_json)
+    folders = find_captures(captures)
+    from fringeworks.calibrate import calibrate_captures
+    from fringeworks.files import read_board, write_rig
+
+    with output.working() as progress:
+        target = read_board(board)
+        rig = calibrate_captures(read_captures(folders, output, progress), target)
+        write_rig(out, rig)
+        drawn: list[Path] = []
+        if figures is not None:
+            from fringeworks.report.calibration import save_calibration
+
+            drawn = save_calibration(rig, figures)
+    summary = describe_rig(output, rig)
+    output.written([out])
+    output.written(drawn)
+    output.result({"out": out, **summary, "figures": drawn})
+
+
+def find_captures(paths: Sequence[Path]) -> list[Path]:
+    """The captures themselves, or all those in a folder, in the order of their numbers."""
+    found: list[Path] = []
+    for path in paths:
+        if not path.is_dir() or (path / "capture.toml").is_file():
+            found.append(path)
+            continue
+        inside = [child.parent for child in path.glob("*/capture.toml")]
+        if not inside:
+            raise UsageError(f"{path}: neither a capture nor a folder of captures (capture.toml)")
+        found += sorted(inside, key=_natural)
+    return found
+
+
+def _natural(path: Path) -> list[Any]:
+    """Sorts pose_2 before pose_10."""
+    parts = re.split(r"(\d+)", path.name)
+    return [int(part) if part.isdigit() else part for part in parts]
+
+
+def read_captures(folders: Sequence[Path], output: Output, progress: Progress) -> Iterator[Capture]:
+    """One capture after the other, each with what its reader noticed."""
+    from fringeworks.files import read_capture
+
+    for folder in progress(folders, "views"):
+        capture = read_capture(folder)
+        output.findings(capture)
+        yield capture
+
+
+def describe_rig(output: Output, rig: Rig) -> dict[str, Any]:
+    """Print a calibrated rig; returns its summary."""
+    from dataclasses import asdict
+
+    from fringeworks.cli.output import print_note
+    from fringeworks.report.summary import summarise_rig, summarise_views
+
+    views, summary = summarise_views(rig), summarise_rig(rig)
+    quality = None if rig.quality is None else asdict(rig.quality)
+    record = rig.further.get("calibration", {})
+    told = tuple(f"{view['name']}: " for view in views)  # in the table, with the reasons
+    for finding in record.get("findings", ()):
+        if not finding.startswith(told):
+            print_note(f"warning: {finding}")
+    _print_views(output, views, quality)
+    for device in ("camera", "projector"):
+        _print_lens(output, device, summary[device])
+    _print_pose(output, summary)
+    return {
+        "quality": quality,
+        "views": views,
+        "failed_captures": record.get("failed_captures", []),
+        "findings": list(record.get("findings", ())),
+        "rig": summary,
+    }
+
+
+def _print_views(
+    output: Output, views: Sequence[dict[str, Any]], quality: dict[str, Any] | None
+) -> None:
+    rows = [
+        (
+            view["name"],
+            f"{view['camera_rms_px']:.3f}",
+            f"{view['projector_rms_px']:.3f}",
+            f"{view['kept']} of {view['offered']}",
+            ", ".join(f"{count} {reason}" for reason, count in view["left_out"].items()),
+        )
+        for view in views
+    ]
+    if quality is not None:
+        kept = f"{quality['observations_used']} of {quality['observations_offered']}"
+        camera, projector = quality["camera_rms_px"], quality["projector_rms_px"]
+        rows.append(("all", f"{camera:.3f}", f"{projector:.3f}", kept, ""))
+    head = ("view", "camera rms px", "projector rms px", "corners kept", "left out")
+    output.table(head, rows, numbers=(1, 2, 3))
+    if quality is not None:
+        output.line(f"  joint rms {quality['joint_rms_px']:.3f} px")
+
+
+def _print_lens(output: Output, name: str, lens: dict[str, Any]) -> None:
+    output.line(f"{name}: {lens['width']}x{lens['height']} px")
+    distortion = " ".join(f"{key} {lens[key]:.4f}" for key in ("k1", "k2", "p1", "p2", "k3"))
+    output.facts(
+        [
+            ("focal lengths", f"{lens['fx']:.2f} {lens['fy']:.2f} px"),
+            ("principal point", f"{lens['cx']:.2f} {lens['cy']:.2f} px"),
+            ("distortion", distortion),
+        ]
+    )
+
+
+def _print_pose(output: Output, summary: dict[str, Any]) -> None:
+    x, y, z = summary["translation_mm"]
+    output.line("projector from camera")
+    facts = [
+        ("translation", f"{x:.2f} {y:.2f} {z:.2f} mm, baseline {summary['baseline_mm']:.2f} mm"),
+        ("rotation", f"{summary['rotation_deg']:.3f} deg in all"),
+    ]
+    if summary["volume_mm"] is not None:
+        near, far = summary["volume_mm"]
+        facts.append(("volume", f"z = {near:.0f} to {far:.0f} mm, camera frame"))
+    output.facts(facts)

@@ -1,0 +1,34 @@
+"""Say once that kernels are being compiled: the first run on a machine takes seconds longer.
+
+Numba tells of a compilation only when its cache on disk does not have the kernel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from fringeworks.cli.output import print_note
+
+MESSAGE = "compiling kernels for this machine, once: a few seconds"
+
+
+@contextmanager
+def announced_compiling() -> Iterator[None]:
+    """Watch numba's compilations while the block runs."""
+    from numba.core import event
+
+    class Announcer(event.Listener):
+        said = False
+
+        def on_start(self, event: Any) -> None:
+            if not self.said:
+                self.said = True
+                print_note(MESSAGE)
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    with event.install_listener("numba:compile", Announcer()):
+        yield

@@ -1,0 +1,149 @@
+"""``fringeworks patterns``: images for a projector, and their ``capture.toml``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from fringeworks.cli.arguments import parse_numbers, parse_size
+from fringeworks.cli.output import JsonFlag, Output, progress_bars
+from fringeworks.errors import UsageError
+
+if TYPE_CHECKING:
+    from fringeworks.model import PatternSet
+
+Preset = Literal["paper", "calibrate", "measure", "multi-frequency"]
+Code = Literal["none", "gray", "complementary"]
+Axes = Literal["x", "y", "xy"]
+
+
+def patterns(
+    preset: Annotated[
+        Preset,
+        typer.Argument(
+            help="paper: 3 steps of 32 px, Gray code, code frame; calibrate: 8 steps of 32 px, "
+            "inverted Gray code; measure: 8 steps of 16 px; multi-frequency: 4 steps of three "
+            "periods, no code."
+        ),
+    ],
+    projector: Annotated[
+        str, typer.Option("--projector", metavar="WxH", help="Size of the projector's image, px.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write into.")],
+    axes: Annotated[
+        Axes, typer.Option("--axes", help="Code columns (x), rows (y) or both.")
+    ] = "xy",
+    steps: Annotated[
+        int | None, typer.Option("--steps", metavar="N", help="Frames of each fringe set, 3 to 64.")
+    ] = None,
+    periods: Annotated[
+        str | None,
+        typer.Option("--periods", metavar="PX,PX", help="Fringe periods, projector px."),
+    ] = None,
+    code: Annotated[
+        Code | None, typer.Option("--code", help="Gray code of the fringe orders.")
+    ] = None,
+    inverted: Annotated[
+        bool | None,
+        typer.Option("--inverted/--no-inverted", help="Show the inverse of each Gray bit too."),
+    ] = None,
+    codewords: Annotated[
+        str | None,
+        typer.Option(
+            "--codewords", metavar="PX,PX", help="Codewords of a code frame, px, or none."
+        ),
+    ] = None,
+    bits: Annotated[int, typer.Option("--bits", help="Depth of the images, 8 to 16.")] = 8,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Write into a folder that holds files already.")
+    ] = False,
+    as_json: JsonFlag = False,
+) -> None:
+    """Write the images that a projector shows, and the capture.toml that describes them.
+
+    Put the camera's images under the same names beside a copy of that capture.toml, and the
+    folder is a capture. Options replace what the preset says.
+    """
+    width, height = parse_size(projector)
+    output = Output(as_json=as_json)
+    from fringeworks import __version__
+    from fringeworks.files import write_sequence
+    from fringeworks.patterns import frame_names, make_sequence, render_sequence
+
+    sequence = make_sequence(
+        preset,
+        width=width,
+        height=height,
+        axes=("x", "y") if axes == "xy" else (axes,),
+        steps=steps,
+        periods_px=None if periods is None else parse_numbers(periods, option="--periods"),
+        code=code,
+        inverted=inverted,
+        codewords_px=None if codewords is None else parse_numbers(codewords, option="--codewords"),
+    )
+    refuse_occupied(out, overwrite=overwrite)
+    with progress_bars() as progress:
+        write_sequence(
+            sequence,
+            (list(frames) for _, frames in render_sequence(sequence, bits=bits)),
+            out,
+            provenance={"patterns": f"fringeworks {__version__}, preset {preset}"},
+            overwrite=overwrite,
+            progress=progress,
+        )
+    names = frame_names(sequence)
+
+    output.line(f"{preset} for {width}x{height} px")
+    rows = [
+        (_describe(item), str(len(files)), files[0])
+        for item, files in zip(sequence.sets, names, strict=True)
+    ]
+    output.table(("set", "images", "first"), rows, numbers=(1,))
+    count = sum(len(files) for files in names)
+    output.line(f"wrote {count} images and capture.toml in {out}")
+    output.result(
+        {
+            "preset": preset,
+            "projector": {"width": width, "height": height},
+            "out": out,
+            "images": count,
+            "sets": [
+                {"pattern": _describe(item), "images": files}
+                for item, files in zip(sequence.sets, names, strict=True)
+            ],
+        }
+    )
+
+
+def refuse_occupied(folder: Path, *, overwrite: bool) -> None:
+    """A folder with files in it may hold a measurement under the very names of the patterns."""
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"--out must be a folder, but {folder} is a file")
+    if overwrite or not folder.exists():
+        return
+    held = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
+    if held:
+        raise UsageError(
+            f"{folder} holds {len(held)} files already (first: {held[0]}); choose another folder, "
+            "or --overwrite if they may be replaced"
+        )
+
+
+def _describe(item: PatternSet) -> str:
+    """A set in words."""
+    from fringeworks.model import Codeword, Fringe, GrayCode, Uniform
+
+    match item.pattern:
+        case Fringe(axis=axis, period_px=period):
+            return f"fringes along {axis}, period {period:g} px"
+        case GrayCode(axis=axis, cell_px=cell, complementary=complementary, inverted=inverted):
+            extras = complementary * ", complementary" + inverted * ", inverted"
+            return f"Gray code along {axis}, cells of {cell:g} px{extras}"
+        case Codeword(axis=axis, codewords_px=codewords):
+            return f"code frame along {axis}, {len(codewords)} codewords"
+        case Uniform(level=level):
+            return {0.0: "black", 1.0: "white"}.get(level, f"grey, level {level:g}")
+        case other:
+            return type(other).__name__.lower()

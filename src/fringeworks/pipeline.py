@@ -1,0 +1,70 @@
+"""The straight line, end to end: read this file first.
+
+    capture --demodulate, unwrap--> projector map --triangulate--> cloud --measure--> numbers
+    captures of a board --observe, solve--> rig
+
+Each step is a pure function of one room; here they only follow each other.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fringeworks.geometry.forms import PlaneFit, fit_plane
+from fringeworks.measure.board import BoardPlane, BoardSpacing, corner_spacing, fit_board
+from fringeworks.measure.region import Region, select_points
+from fringeworks.model import Capture, CheckerboardTarget, Cloud, FloatMap, ProjectorMap, Rig
+from fringeworks.phase.decode import decode_capture
+from fringeworks.phase.demodulate import MaskRules
+from fringeworks.phase.gray import white_and_black
+from fringeworks.reconstruct.full import CloudRules, triangulate
+
+
+def scan(
+    capture: Capture,
+    rig: Rig,
+    *,
+    group: str | None = None,
+    mask_rules: MaskRules | None = None,
+    cloud_rules: CloudRules | None = None,
+) -> Cloud:
+    """Capture to cloud, in the camera's frame, with the full model."""
+    projector_map = decode_capture(capture, group=group, rules=mask_rules)
+    return cloud_of(capture, projector_map, rig, rules=cloud_rules)
+
+
+def cloud_of(
+    capture: Capture, projector_map: ProjectorMap, rig: Rig, *, rules: CloudRules | None = None
+) -> Cloud:
+    """The cloud of a capture that is decoded already."""
+    return triangulate(
+        projector_map, rig, intensity=_white(capture), colour=capture.colour, rules=rules
+    )
+
+
+def _white(capture: Capture) -> FloatMap | None:
+    pair = white_and_black(capture)
+    return None if pair is None else np.asarray(pair[0], dtype=np.float32)
+
+
+def measure_plane(cloud: Cloud, region: Region | None = None) -> PlaneFit:
+    """Orthogonal least-squares plane through the region's points."""
+    return fit_plane(select_points(cloud, region or Region()))
+
+
+def measure_board(
+    cloud: Cloud, rig: Rig, board: CheckerboardTarget, *, view: str
+) -> tuple[BoardSpacing, BoardPlane] | None:
+    """A board's squares and plane on its cloud, where the rig was calibrated from `view`.
+
+    The corners' pixels are those of the calibration; None if it did not use that view.
+    """
+    record: dict[str, Any] = rig.further.get("calibration", {})
+    found = next((entry for entry in record.get("views", ()) if entry["name"] == view), None)
+    if found is None:
+        return None
+    corners = np.array(found["camera_px"], dtype=np.float64)
+    grid = {"columns": board.columns, "rows": board.rows}
+    return corner_spacing(cloud, corners, **grid), fit_board(cloud, corners, **grid)
