@@ -1,0 +1,51 @@
+"""All benchmarks in one call: what ``fringeworks bench`` prints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+from fringeworks.bench.accuracy import measure_accuracy
+from fringeworks.bench.metric import Metric
+from fringeworks.bench.process import measure_process
+from fringeworks.bench.speed import measure_speed
+from fringeworks.errors import UsageError
+from fringeworks.model import Progress, no_progress
+
+GROUPS: dict[str, Callable[..., list[Metric]]] = {
+    "accuracy": measure_accuracy,
+    "speed": measure_speed,
+    "process": measure_process,
+}
+"""The first part of a metric's key, and what measures it."""
+
+
+def run_suite(
+    *,
+    quick: bool = False,
+    only: Collection[str] | None = None,
+    progress: Progress | None = None,
+) -> list[Metric]:
+    """Metrics of all groups, or of those named in `only`.
+
+    Parameters
+    ----------
+    quick
+        The smallest image and few draws: a check that it runs, not a result.
+    only
+        Names of `GROUPS`.
+    progress
+        Wraps the iteration over the groups.
+
+    Raises
+    ------
+    UsageError
+        There is no group of that name.
+    DecodeError
+        A peer's phase is not ours, so that a ratio of times would mean nothing.
+    """
+    chosen = list(GROUPS) if only is None else list(dict.fromkeys(only))
+    for name in chosen:
+        if name not in GROUPS:
+            raise UsageError(f"only must name groups of {', '.join(GROUPS)}, got '{name}'")
+    wrap = progress or no_progress
+    return [metric for name in wrap(chosen, "measuring") for metric in GROUPS[name](quick=quick)]
