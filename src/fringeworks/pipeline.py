@@ -15,10 +15,9 @@ import numpy as np
 from fringeworks.geometry.forms import PlaneFit, fit_plane
 from fringeworks.measure.board import BoardPlane, BoardSpacing, corner_spacing, fit_board
 from fringeworks.measure.region import Region, select_points
-from fringeworks.model import Capture, CheckerboardTarget, Cloud, FloatMap, ProjectorMap, Rig
+from fringeworks.model import Capture, CheckerboardTarget, Cloud, ProjectorMap, Rig
 from fringeworks.phase.decode import decode_capture
 from fringeworks.phase.demodulate import MaskRules
-from fringeworks.phase.gray import white_and_black
 from fringeworks.reconstruct.full import CloudRules, triangulate
 
 
@@ -31,7 +30,8 @@ def scan(
     cloud_rules: CloudRules | None = None,
 ) -> Cloud:
     """Capture to cloud, in the camera's frame, with the full model."""
-    projector_map = decode_capture(capture, group=group, rules=mask_rules)
+    capture = capture.select(group)
+    projector_map = decode_capture(capture, rules=mask_rules)
     return cloud_of(capture, projector_map, rig, rules=cloud_rules)
 
 
@@ -40,13 +40,8 @@ def cloud_of(
 ) -> Cloud:
     """The cloud of a capture that is decoded already."""
     return triangulate(
-        projector_map, rig, intensity=_white(capture), colour=capture.colour, rules=rules
+        projector_map, rig, intensity=capture.white(), colour=capture.colour, rules=rules
     )
-
-
-def _white(capture: Capture) -> FloatMap | None:
-    pair = white_and_black(capture)
-    return None if pair is None else np.asarray(pair[0], dtype=np.float32)
 
 
 def measure_plane(cloud: Cloud, region: Region | None = None) -> PlaneFit:

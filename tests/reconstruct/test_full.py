@@ -69,6 +69,23 @@ def test_a_coordinate_off_its_epipolar_line_is_void() -> None:
     assert triangulate(good, RIG, rules=CloudRules(epipolar_px=20.0)).valid.all()
 
 
+@pytest.mark.parametrize(
+    ("sigma", "off_px", "kept"),
+    [(0.02, 1.5, True), (0.02, 2.5, False), (0.5, 5.0, True), (0.5, 6.5, False)],
+)
+def test_the_default_limit_is_two_px_or_eight_sigma(
+    sigma: float, off_px: float, kept: bool
+) -> None:
+    """Off by d across the line; the line is nearly level here. 8 hypot(0.5, 0.5) = 5.66 px."""
+    coded = map_of(RIG, TILTED, sigma=sigma)
+    assert coded.row is not None
+    coded.row.coordinate[100, 200] += off_px
+    cloud = triangulate(coded, RIG)
+    assert cloud.valid[100, 200] == kept
+    if kept:
+        assert abs(cloud.epipolar_px[100, 200]) == pytest.approx(off_px, rel=0.01)
+
+
 @pytest.mark.parametrize("axes", ["x", "xy"])
 def test_a_void_coordinate_is_a_void_point(axes: Literal["x", "xy"]) -> None:
     coded = map_of(RIG, TILTED, axes=axes)

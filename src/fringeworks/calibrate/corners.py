@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.errors import CalibrationError, ShapeError
-from fringeworks.model import Capture, CheckerboardTarget, ProjectorMap, Uniform
+from fringeworks.model import Capture, CheckerboardTarget, ProjectorMap
 
 Points = NDArray[np.float64]
 Image = NDArray[np.generic]
@@ -29,7 +29,6 @@ WINDOW_SHARE = 0.28
 0.32 and rise steeply from 0.35, where the window of a tilted square begins to hold other edges."""
 
 SMALLEST_SQUARE_PX = 6.0
-WHITE_LEVEL = 0.5
 ROBUST_PERCENT = (0.5, 99.5)
 _SMALLEST_BOARD = (3, 3)
 
@@ -39,14 +38,9 @@ def board_images(capture: Capture, projector_map: ProjectorMap) -> Iterator[tupl
 
     The white frame if there is one, then the fringes' offset A, then their modulation B.
     """
-    whites = [
-        (uniform.level, stack)
-        for uniform, stack, _ in capture.find(Uniform)
-        if uniform.level >= WHITE_LEVEL
-    ]
-    if whites:
-        _, stack = max(whites, key=lambda white: white[0])
-        yield "white frame", stack.mean(axis=0, dtype=np.float32)
+    white = capture.white()
+    if white is not None:
+        yield "white frame", white
     axis = projector_map.axes[0]
     yield "offset of the fringes", axis.offset
     yield "modulation of the fringes", axis.modulation

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -59,7 +59,7 @@ class Capture:
     sensor
         Full scale and, where known, noise.
     colour
-        ``(H, W, 3)`` RGB of the white frame where the camera saw colour, else None.
+        ``(H, W, 3)`` RGB of the white set's first image where the camera saw colour, else None.
     name
         What the user calls it: the folder's name.
     findings
@@ -98,15 +98,28 @@ class Capture:
         """The capture with only the sets of `group` (None: the first group there is)."""
         chosen = self.sequence.choose_group(group)
         sets = tuple(self.sequence.sets[i] for i in chosen)
-        return Capture(
+        return replace(
+            self,
             sequence=Sequence(self.sequence.width, self.sequence.height, sets),
             frames=tuple(self.frames[i] for i in chosen),
-            sensor=self.sensor,
-            colour=self.colour,
-            name=self.name,
-            findings=self.findings,
-            provenance=self.provenance,
+            colour=self.colour if self.sequence.white_set in chosen else None,
         )
+
+    def white(self) -> NDArray[np.float32] | None:
+        """Mean ``(H, W)`` of the brightest uniform set above half of full scale, else None."""
+        return self._mean_of(self.sequence.white_set)
+
+    def black(self) -> NDArray[np.float32] | None:
+        """Mean ``(H, W)`` of the darkest uniform set below half of full scale, else None."""
+        return self._mean_of(self.sequence.black_set)
+
+    def _mean_of(self, index: int | None) -> NDArray[np.float32] | None:
+        if index is None:
+            return None
+        stack = self.frames[index]
+        alone = len(stack) == 1  # needs no summing
+        mean = stack[0].astype(np.float32) if alone else stack.mean(axis=0, dtype=np.float32)
+        return np.asarray(mean)
 
     def find(self, kind: type[P]) -> list[tuple[P, Frames, int]]:
         """Patterns of this kind, each with its frames and how often every frame is repeated."""

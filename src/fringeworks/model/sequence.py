@@ -10,6 +10,9 @@ import math
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from fringeworks.errors import UsageError
 
 Axis: TypeAlias = Literal["x", "y"]
@@ -18,8 +21,14 @@ AXES: tuple[Axis, Axis] = ("x", "y")
 PROJECTOR_EDGE_PX = -0.5
 """Coordinate of the projector image's edge: pixel centres sit at integers."""
 
+HALF_LEVEL = 0.5
+"""A uniform frame above this share of full scale is white, below it black."""
+
 EDGE_TOLERANCE_PX = 1e-6
 """An edge this close to a pixel centre counts as on it."""
+
+MIN_CONDITION = 1e-3
+"""Smallest over largest singular value of the shifts' design matrix that is still solvable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,6 +210,22 @@ class Sequence:
         names = (pattern_set.group for pattern_set in self.sets)
         return tuple(dict.fromkeys(name for name in names if name is not None))
 
+    @property
+    def white_set(self) -> int | None:
+        """Index of the brightest uniform set above half of full scale; the first of equals."""
+        levels = [(-level, index) for level, index in self._uniform_levels() if level > HALF_LEVEL]
+        return min(levels)[1] if levels else None
+
+    @property
+    def black_set(self) -> int | None:
+        """Index of the darkest uniform set below half of full scale; the first of equals."""
+        levels = [(level, index) for level, index in self._uniform_levels() if level < HALF_LEVEL]
+        return min(levels)[1] if levels else None
+
+    def _uniform_levels(self) -> list[tuple[float, int]]:
+        patterns = ((item.pattern, index) for index, item in enumerate(self.sets))
+        return [(p.level, index) for p, index in patterns if isinstance(p, Uniform)]
+
     def choose_group(self, name: str | None) -> tuple[int, ...]:
         """Indices of the sets that belong to group `name` (None: the first one there is)."""
         if name is not None and name not in self.groups:
@@ -208,6 +233,36 @@ class Sequence:
             raise UsageError(f"group must be one of the capture's ({offered}), got '{name}'")
         chosen = name if name is not None else next(iter(self.groups), None)
         return tuple(i for i, item in enumerate(self.sets) if item.group in (None, chosen))
+
+
+def fringe_order(turns: ArrayLike) -> NDArray[np.int64]:
+    """Fringe order at ``turns = Phi / 2 pi``: k spans ``(2 pi k - pi, 2 pi k + pi]``."""
+    return np.ceil(np.asarray(turns, dtype=np.float64) - 0.5).astype(np.int64)
+
+
+def fringe_orders(extent: int, period_px: float, *, zero_px: float = PROJECTOR_EDGE_PX) -> range:
+    """Fringe orders that a projector of `extent` pixels shows (C19).
+
+    With the zero at the image's edge they run 0 .. floor(extent / period + 1/2), and the first and
+    last fringe are cut by the edges.
+    """
+    first = int(fringe_order((PROJECTOR_EDGE_PX - zero_px) / period_px))
+    last = math.floor((extent + PROJECTOR_EDGE_PX - zero_px) / period_px + 0.5)
+    return range(first, last + 1)
+
+
+def shifts_are_solvable(shifts_rad: tuple[float, ...]) -> bool:
+    """Whether offset, cosine and sine follow from frames at these shifts.
+
+    It takes three directions that differ clearly: the design matrix with rows
+    ``(1, cos shift, sin shift)`` must have rank three, by `MIN_CONDITION`.
+    """
+    shifts = np.array(shifts_rad, dtype=np.float64)
+    if len(shifts) < 3 or not np.isfinite(shifts).all():
+        return False
+    design = np.stack([np.ones_like(shifts), np.cos(shifts), np.sin(shifts)], axis=1)
+    values = np.linalg.svd(design, compute_uv=False)
+    return bool(values[-1] >= MIN_CONDITION * values[0])
 
 
 def gray_bits(extent_px: float, cell_px: float) -> int:

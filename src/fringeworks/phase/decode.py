@@ -28,7 +28,7 @@ from fringeworks.model import (
 )
 from fringeworks.model.phase import VOID_ORDER
 from fringeworks.phase.demodulate import MaskRules, demodulate
-from fringeworks.phase.gray import Contrast, GrayReading, read_gray
+from fringeworks.phase.gray import GrayReading, read_gray
 from fringeworks.phase.temporal import plan_chain, run_chain
 
 OUTSIDE_SIGMAS = 5.0
@@ -51,23 +51,23 @@ class Decoding:
     relative: tuple[tuple[WrappedPhase, str], ...]
 
     def projector_map(self) -> ProjectorMap:
-        """The coordinates.
+        """The coordinates of the axes that have any; an axis that is void everywhere is left out.
 
         Raises
         ------
         DecodeError
-            No axis is coded, or no pixel of a coded axis is valid.
+            No axis is coded, or no pixel of any coded axis is valid.
         """
         if not self.coded:
             reasons = "; ".join(f"axis {w.fringe.axis}: {why}" for w, why in self.relative)
             raise DecodeError(f"no axis has a projector coordinate. {reasons or NOTHING_CODED}")
-        for axis in self.coded:
-            if not axis.valid_share:
-                raise DecodeError(
-                    f"no pixel is valid along {axis.axis}: {describe_voids(axis.void)}. Look at "
-                    "the frames' exposure, and at the order of the images in capture.toml"
-                )
-        by_name = {axis.axis: axis for axis in self.coded}
+        by_name = {axis.axis: axis for axis in self.coded if axis.valid_share}
+        if not by_name:
+            voids = "; ".join(f"{axis.axis}: {describe_voids(axis.void)}" for axis in self.coded)
+            raise DecodeError(
+                f"no pixel is valid along any axis ({voids}). Look at the frames' exposure, and "
+                "at the order of the images in capture.toml"
+            )
         return ProjectorMap(by_name.get("x"), by_name.get("y"))
 
 
@@ -113,11 +113,12 @@ def decode_phases(
     coded: list[CodedAxis] = []
     relative: list[tuple[WrappedPhase, str]] = []
     for axis in AXES:
-        here, there = phases[axis], [item for items in phases.values() for item in items]
+        here = phases[axis]
+        fringes = [*here, *(item for other in AXES if other != axis for item in phases[other])]
         reading = read_gray(
             chosen,
             axis,
-            fringe_contrast=next((Contrast(w.offset, w.modulation) for w in here + there), None),
+            fringes=next(iter(fringes), None),
             least_modulation=rules.modulation_share * chosen.sensor.full_scale,
         )
         if not here:
@@ -149,8 +150,8 @@ def _finest(phases: Sequence[WrappedPhase]) -> WrappedPhase:
 
 
 def _axis_from_gray(capture: Capture, reading: GrayReading, rules: MaskRules) -> CodedAxis:
-    """The centre of the cell; its sigma is that of a coordinate anywhere in the cell."""
-    contrast, code = reading.contrast, reading.code
+    """The centre of the cell."""
+    contrast = reading.contrast
     least = np.maximum(
         rules.modulation_share * capture.sensor.full_scale,
         rules.modulation_sigmas * reading.noise.sigma(contrast.offset),
@@ -158,17 +159,16 @@ def _axis_from_gray(capture: Capture, reading: GrayReading, rules: MaskRules) ->
     void = np.full(least.shape, Void.VALID, np.uint8)
     void[np.isnan(reading.coordinate)] = Void.ORDER
     void[contrast.modulation < least] = Void.MODULATION
-    good = void == Void.VALID
-    cell_sigma, nan = np.float32(code.code_px / np.sqrt(12)), np.float32(np.nan)
+    good, nan = void == Void.VALID, np.float32(np.nan)
     return CodedAxis(
-        axis=code.axis,
+        axis=reading.code.axis,
         coordinate=np.where(good, reading.coordinate, nan),
-        sigma=np.where(good, cell_sigma, nan),
+        sigma=np.where(good, reading.sigma, nan),
         offset=contrast.offset,
         modulation=contrast.modulation,
         phase=None,
         void=void,
-        route=(_name_of(code),),
+        route=(_name_of(reading.code),),
     )
 
 

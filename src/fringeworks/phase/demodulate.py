@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fringeworks.errors import ShapeError, UsageError
 from fringeworks.kernels import demodulate as kernels
 from fringeworks.model import FloatMap, Frames, Fringe, Noise, Sensor, Void, WrappedPhase
-from fringeworks.phase.noise import LEAST_PIXELS, camera_noise, high_pass_noise, residual_noise
+from fringeworks.phase.noise import LEAST_PIXELS, image_noise, residual_noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,13 +127,9 @@ def _noise_of(
     frames: Frames, residual: FloatMap, *, use: NDArray[np.bool_], sensor: Sensor
 ) -> Noise:
     """The camera's own figures, else the residual of four frames or more, else high pass."""
-    if sensor.noise_is_known:
-        return camera_noise(sensor)
     freedom = len(frames) - 3
-    if freedom > 0 and np.count_nonzero(use) >= LEAST_PIXELS:
+    if freedom > 0 and not sensor.noise_is_known:
         used = np.where(use, residual, np.float32(np.nan))
         if np.count_nonzero(np.isfinite(used)) >= LEAST_PIXELS:
             return residual_noise(used, freedom=freedom, black_level=sensor.black_level)
-    if np.count_nonzero(use[1:-1, 1:-1]) < LEAST_PIXELS:
-        use = np.ones_like(use)
-    return high_pass_noise(frames, use, black_level=sensor.black_level)
+    return image_noise(frames, use, sensor=sensor)

@@ -7,7 +7,8 @@ half their margin left at every edge, where a plain code of such cells has none.
 Neighbouring cells differ in one bit, so at an edge that bit is anyone's guess and costs one cell
 at most. Where two bits cannot be told from the noise the code may mean any place, and the pixel
 is void: on the real board of `procam-graycode` that is 1 to 7 % of the pixels and nearly all of
-the wild points.
+the wild points. With one such bit the pixel sees an edge and its cell's centre is half a cell off;
+with none it lies anywhere in its cell.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 
 from fringeworks.errors import FormatError
 from fringeworks.kernels.orders import gray_index
-from fringeworks.model import Axis, Capture, FloatMap, Frames, GrayCode, Noise, Uniform
+from fringeworks.model import Axis, Capture, FloatMap, Frames, GrayCode, Noise, WrappedPhase
 from fringeworks.phase.noise import image_noise
 
 WHOLE = 1e-9
@@ -36,29 +37,11 @@ class Contrast:
     modulation: FloatMap
 
 
-def white_and_black(capture: Capture) -> tuple[FloatMap, FloatMap] | None:
-    """The brightest and the darkest uniform frame, ``(H, W)`` each; None if one is missing."""
-    uniform = [(pattern.level, stack) for pattern, stack, _ in capture.find(Uniform)]
-    light = max((pair for pair in uniform if pair[0] > 0.5), key=lambda p: p[0], default=None)
-    dark = min((pair for pair in uniform if pair[0] < 0.5), key=lambda p: p[0], default=None)
-    if light is None or dark is None:
-        return None
-    return _mean(light[1]), _mean(dark[1])
-
-
-def _mean(stack: Frames) -> FloatMap:
-    """Mean frame ``(H, W)``; one frame alone needs no summing."""
-    alone = len(stack) == 1
-    mean: FloatMap = stack[0].astype(np.float32) if alone else stack.mean(axis=0, dtype=np.float32)
-    return mean
-
-
 def uniform_contrast(capture: Capture) -> Contrast | None:
-    """Half sum and half difference of white and black."""
-    pair = white_and_black(capture)
-    if pair is None:
+    """Half sum and half difference of white and black; None if one is missing."""
+    white, black = capture.white(), capture.black()
+    if white is None or black is None:
         return None
-    white, black = pair
     half = np.float32(0.5)
     return Contrast(half * (white + black), half * (white - black))
 
@@ -84,8 +67,8 @@ def mean_repeats(frames: Frames, repeats: int) -> Frames:
 
 def decode_gray(
     code: GrayCode, frames: Frames, *, extent: int, contrast: Contrast, noise: Noise
-) -> FloatMap:
-    """Projector coordinate, px, of the centre of each pixel's (half) cell.
+) -> tuple[FloatMap, FloatMap]:
+    """Projector coordinate of the centre of each pixel's (half) cell, and its standard deviation.
 
     Parameters
     ----------
@@ -101,8 +84,10 @@ def decode_gray(
 
     Returns
     -------
-    ``(H, W)`` float32; NaN where the code lies outside the projector's image, and where two of
-    its bits or more are doubtful.
+    coordinate, sigma
+        ``(H, W)`` float32, projector px; NaN where the code lies outside the projector's image,
+        and where two of its bits or more are doubtful. Sigma is ``cell / sqrt(12)``, or half a
+        cell where one bit is doubtful.
     """
     level = contrast.offset[np.newaxis]
     doubt = np.asarray(DOUBT_SIGMAS * noise.sigma(contrast.offset), dtype=np.float32)
@@ -118,7 +103,9 @@ def decode_gray(
     centre: FloatMap = (index.astype(np.float32) + 0.5) * code.code_px - 0.5
     outside = index >= math.ceil(extent / code.code_px - WHOLE)
     centre[outside | (doubtful >= 2)] = np.nan
-    return centre
+    sigma = np.where(doubtful == 0, np.float32(1 / math.sqrt(12)), np.float32(0.5)) * code.code_px
+    sigma[np.isnan(centre)] = np.nan
+    return centre, sigma.astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +114,7 @@ class GrayReading:
 
     Attributes
     ----------
-    coordinate
+    coordinate, sigma
         ``(H, W)`` projector px of the (half) cell's centre; NaN where the code is void.
     contrast, noise
         By which light was told from dark.
@@ -135,18 +122,20 @@ class GrayReading:
 
     code: GrayCode
     coordinate: FloatMap
+    sigma: FloatMap
     contrast: Contrast
     noise: Noise
 
 
 def read_gray(
-    capture: Capture, axis: Axis, *, fringe_contrast: Contrast | None, least_modulation: float
+    capture: Capture, axis: Axis, *, fringes: WrappedPhase | None, least_modulation: float
 ) -> GrayReading | None:
     """Decode the axis's finest Gray code; None if the capture has none along this axis.
 
-    Light is told from dark by the inverse frames, else by the mean of white and black, else by
-    `fringe_contrast`, the offset of fringes on the same scene. Noise that the capture does not
-    state is read from the first bit, where the modulation reaches `least_modulation` grey levels.
+    Light is told from dark by the inverse frames, else by the mean of white and black, else by the
+    offset of `fringes` on the same scene. The noise is that of the fringes too; without any, the
+    camera's own, or that of the first bit where the modulation reaches `least_modulation` grey
+    levels.
 
     Raises
     ------
@@ -158,14 +147,22 @@ def read_gray(
         return None
     code, frames, repeats = min(codes, key=lambda entry: entry[0].code_px)
     frames = mean_repeats(frames, repeats)
-    contrast = uniform_contrast(capture) or fringe_contrast or inverted_contrast(code, frames)
+    contrast = uniform_contrast(capture) or _contrast_of(fringes)
+    contrast = contrast or inverted_contrast(code, frames)
     if contrast is None:
         raise FormatError(
             f"the Gray code along {axis} has nothing to tell light from dark by: add the "
             "inverted frames, or white and black frames, or fringes"
         )
-    lit = contrast.modulation >= least_modulation
-    noise = image_noise(frames[:1], lit, sensor=capture.sensor)
+    if fringes is not None:
+        noise = fringes.noise
+    else:
+        lit = contrast.modulation >= least_modulation
+        noise = image_noise(frames[:1], lit, sensor=capture.sensor)
     extent = capture.sequence.extent(axis)
-    coordinate = decode_gray(code, frames, extent=extent, contrast=contrast, noise=noise)
-    return GrayReading(code, coordinate, contrast, noise)
+    coordinate, sigma = decode_gray(code, frames, extent=extent, contrast=contrast, noise=noise)
+    return GrayReading(code, coordinate, sigma, contrast, noise)
+
+
+def _contrast_of(fringes: WrappedPhase | None) -> Contrast | None:
+    return None if fringes is None else Contrast(fringes.offset, fringes.modulation)

@@ -70,11 +70,12 @@ def make_carrier(fringes: Sequence[Fringe], weights: tuple[int, ...]) -> Carrier
 
 
 def find_carriers(fringes: Sequence[Fringe]) -> list[Carrier]:
-    """The sets, their beats and the beats of those, longest period first."""
+    """The sets, their beats and the beats of two beats that share a set, longest period first."""
     count = len(fringes)
     singles = [tuple(int(i == n) for i in range(count)) for n in range(count)]
     beats = _differences(singles)
-    weights = dict.fromkeys([*singles, *beats, *_differences(beats)])
+    of_beats = [weights for weights in _differences(beats) if np.count_nonzero(weights) <= 3]
+    weights = dict.fromkeys([*singles, *beats, *of_beats])
     carriers = (make_carrier(fringes, item) for item in weights)
     return sorted((c for c in carriers if c), key=lambda c: (-c.period_px, c.is_beat))
 
@@ -132,7 +133,7 @@ def _safest_chains(
         if slack > -1e-6:
             routes.append(_Route(slack / target.error_px, math.inf, (target,)))
         for source, route in best.items():
-            step = target.period_px / 2 / math.hypot(source.error_px, target.error_px)
+            step = _step_safety(source, target)
             if step > LEAST_SAFETY:
                 weakest = min(route.weakest, step)
                 routes.append(_Route(route.first, weakest, (*route.chain, target)))
@@ -142,7 +143,7 @@ def _safest_chains(
 
 
 def _no_chain_message(carriers: Sequence[Carrier], goal: Carrier, reach_px: float) -> str:
-    entry = next(c for c in carriers if goal in _safest_chains(carriers, c.period_px / 2))
+    entry = _longest_way_in(carriers, goal)
     reached = _safest_chains(carriers, reach_px)
     if reached:
         last = min(reached, key=lambda carrier: carrier.error_px)
@@ -158,6 +159,20 @@ def _no_chain_message(carriers: Sequence[Carrier], goal: Carrier, reach_px: floa
         f"the orders of the {goal} cannot be told: {known}. Add a Gray code with cells of "
         f"{entry.period_px:.4g} px or less, or fringes {fringes}"
     )
+
+
+def _longest_way_in(carriers: Sequence[Carrier], goal: Carrier) -> Carrier:
+    """The longest carrier from which steps lead to the goal; `carriers` fall in period."""
+    leading = [goal]
+    for source in reversed(carriers):
+        if any(_step_safety(source, target) > LEAST_SAFETY for target in leading):
+            leading.append(source)
+    return max(leading, key=lambda carrier: carrier.period_px)
+
+
+def _step_safety(source: Carrier, target: Carrier) -> float:
+    """Standard deviations of the planned error that a step's target leaves."""
+    return target.period_px / 2 / math.hypot(source.error_px, target.error_px)
 
 
 def run_chain(
