@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fringeworks.calibrate import ImageSize, View, calibrate_captures, calibrate_rig
-from fringeworks.calibrate.record import views_from_record
+from fringeworks.calibrate.record import read_record
 from fringeworks.files.capture import read_capture
 from fringeworks.geometry.forms import fit_plane
 from fringeworks.model import CheckerboardTarget, Rig
@@ -29,7 +29,9 @@ def calibrated(
     folder = real(request.param)
     captures = (read_capture(folder / f"capture_{index}") for index in range(4))
     rig = calibrate_captures(captures, BOARD)
-    return request.param, rig, views_from_record(rig.further["calibration"])
+    record = read_record(rig.further)
+    assert record is not None
+    return request.param, rig, [entry.view for entry in record.views]
 
 
 def test_residuals(calibrated: tuple[str, Rig, list[View]]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from fringeworks.calibrate import calibrate_rig
+from fringeworks.calibrate.record import read_record
 from fringeworks.calibrate.settings import ImageSize
 from fringeworks.errors import FormatError
 from fringeworks.model import (
@@ -29,8 +31,8 @@ from fringeworks.report.decoding import describe_share, draw_voids, save_decodin
 from fringeworks.report.summary import (
     summarise_cloud,
     summarise_decoding,
+    summarise_record,
     summarise_rig,
-    summarise_views,
 )
 from tests.calibrate.synthetic import BOARD, board_poses, rig_state, views_of
 from tests.scenes import RIG, plane_points
@@ -141,11 +143,20 @@ def test_a_rig_without_record_cannot_be_drawn(rig: Rig, tmp_path: Path) -> None:
         save_calibration(dataclasses.replace(rig, further={}), tmp_path)
 
 
+def test_a_damaged_record_is_refused(rig: Rig, tmp_path: Path) -> None:
+    further = copy.deepcopy(dict(rig.further))
+    del further["calibration"]["views"][2]["board_mm"]
+    with pytest.raises(FormatError, match=r"calibration\.views\.2\.board_mm"):
+        save_calibration(dataclasses.replace(rig, further=further), tmp_path)
+
+
 def test_summary_of_a_rig(rig: Rig) -> None:
-    summary, views = summarise_rig(rig), summarise_views(rig)
+    summary, record = summarise_rig(rig), summarise_record(read_record(rig.further))
     assert summary["baseline_mm"] == pytest.approx(rig.baseline_mm)
-    assert summary["rotation_deg"] == pytest.approx(np.rad2deg(np.hypot(0.28, 0.0224)), abs=0.1)
-    assert [view["kept"] for view in views] == [BOARD.corner_count] * 4
+    assert summary["rotation_deg"] == pytest.approx(np.rad2deg(np.hypot(0.28, 0.0224)), abs=0.3)
+    assert [view["kept"] for view in record["views"]] == [BOARD.corner_count] * 4
+    assert (record["failed_captures"], record["findings"]) == ([], [])
+    assert summarise_record(None) == {"views": [], "failed_captures": [], "findings": []}
 
 
 def test_summary_of_a_decoding() -> None:

@@ -3,7 +3,7 @@
 Residuals are measured minus projected pixels of every kept corner in both devices, whitened by
 their standard deviations, with Huber's loss and an analytic Jacobian. The standard deviations
 are taken from the residuals themselves, per device, since what a board leaves is more its print
-than the corners' noise; in three rounds.
+than the corners' noise: once from the start's, which may be poor, and once from those of that.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fringeworks.calibrate.local_fit import MAD_TO_SIGMA
 from fringeworks.calibrate.minimise import Block, minimise
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.settings import CalibrationSettings
@@ -23,10 +24,13 @@ from fringeworks.geometry.pose import rotate_jacobian, rotation_matrix
 Array = NDArray[np.float64]
 
 ROUNDS = 3
+"""From a poor start the first round has the residuals weighed down against `_decentring_prior`."""
+
 SMALLEST_SIGMA_PX = 1e-4
 _LENS = len(LENS_NAMES)
 _POSE = 6
 _SHARED = 2 * _LENS + _POSE
+_DECENTRING = [start + LENS_NAMES.index(name) for start in (0, _LENS) for name in ("p1", "p2")]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -199,9 +203,19 @@ def _solve(
                 jacobian[:, moving] * weight[:, None],
                 place[columns[moving]],
             )
+        yield _decentring_prior(values, place, settings)
 
     minimum = minimise(model, full[free], huber=settings.huber)
     return _fit_of(state_at(minimum.parameters), views, converged=minimum.converged)
+
+
+def _decentring_prior(
+    values: Array, place: NDArray[np.intp], settings: CalibrationSettings
+) -> Block:
+    """p1 and p2 of both lenses are zero to within `settings.decentring_sigma`."""
+    free, sigma = place[_DECENTRING], settings.decentring_sigma
+    free = free[free >= 0]
+    return values[free] / sigma, np.eye(len(free)) / sigma, free
 
 
 def _fit_of(state: RigState, views: Sequence[View], *, converged: bool) -> Fit:
@@ -215,14 +229,15 @@ def _fit_of(state: RigState, views: Sequence[View], *, converged: bool) -> Fit:
 
 def _robust_sigma(residuals: Array) -> float:
     """Standard deviation of a coordinate by its median absolute residual, px."""
-    return max(1.4826 * float(np.median(np.abs(residuals))), SMALLEST_SIGMA_PX)
+    return max(MAD_TO_SIGMA * float(np.median(np.abs(residuals))), SMALLEST_SIGMA_PX)
 
 
 def _weights(sigma_px: tuple[float, float], views: Sequence[View]) -> list[Array]:
     """Per view ``(4 n,)``: 1 / standard deviation of its residuals, flattened like them.
 
     The variance is the observation's own plus what the device's residuals show beyond the median
-    of those: where the print of the board dominates, all corners of a device weigh the same.
+    of those: where the print of the board dominates, all corners of a device weigh the same. Where
+    they show less, the observations' own are scaled down: else Huber's bound would be too far.
     """
     own = [
         np.concatenate([view.camera_sigma_px, view.projector_sigma_px], axis=1)[view.kept]

@@ -7,27 +7,40 @@ from typing import TypeAlias
 
 import numpy as np
 
-from fringeworks.calibrate.bundle import Fit, refine, rms_px
-from fringeworks.calibrate.observe import KEPT, View
-from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
+from fringeworks.calibrate.bundle import Fit, rms_px
+from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.start import (
     LARGEST_RMS_PX,
     PROJECTOR_CAUSES,
     largest_tilt_deg,
-    start_state,
 )
 from fringeworks.errors import CalibrationError
+from fringeworks.model import Finding
 
 LEAST_VIEWS = 3
 GOOD_RMS_PX = 1.0
 GOOD_TILT_DEG = 20.0
+GOOD_OBLONG = 0.02
+LARGEST_OBLONG = 0.2
+LEAST_MOVE_PX = 0.5
 
 Failed: TypeAlias = Sequence[tuple[str, str]]
 """Captures that gave no view: name and reason."""
 
 
 def enough_views(views: Sequence[View], failed: Failed) -> None:
-    """Raise `CalibrationError` for fewer than three views, with the reason of each failure."""
+    """Raise `CalibrationError` for fewer than three views, with the reason of each failure.
+
+    A view of the board where another view has it already is none.
+    """
+    for index, view in enumerate(views):
+        for other in views[:index]:
+            moved = view.camera_px - other.camera_px
+            if np.sqrt(np.mean(np.sum(moved**2, axis=-1))) < LEAST_MOVE_PX:
+                raise CalibrationError(
+                    f"{other.name} and {view.name} show the board in the same place: leave one "
+                    "out; every view must be a pose of its own"
+                )
     if len(views) >= LEAST_VIEWS:
         return
     causes = "".join(f"\n  {name}: {reason}" for name, reason in failed)
@@ -63,56 +76,45 @@ def refuse_nonsense(fit: Fit, views: Sequence[View]) -> None:
         )
     if min(fit.state.camera[:2].min(), fit.state.projector[:2].min()) <= 0:
         raise CalibrationError(f"a focal length came out negative; {PROJECTOR_CAUSES}")
+    if _oblong(fit) > LARGEST_OBLONG:
+        fx, fy = fit.state.camera[:2]
+        raise CalibrationError(
+            f"the camera's focal lengths come out as {fx:.0f} and {fy:.0f} px: cameras have square "
+            "pixels; check the board's pitches in x and y"
+        )
 
 
-def findings(fit: Fit, views: Sequence[View], failed: Failed) -> list[str]:
-    """Sentences a user should read about a calibration that is none the less usable."""
-    found = [f"{name} was not used: {reason}" for name, reason in failed]
-    found += [
-        f"{view.name}: {count} of {len(view.reasons)} corners left out: {reason}"
-        for view in views
-        for reason, count in view.left_out.items()
-        if reason != KEPT
-    ]
+def _oblong(fit: Fit) -> float:
+    """How far the camera's pixels come out from square, 0 for square ones."""
+    fx, fy = fit.state.camera[:2]
+    return float(max(fx, fy) / min(fx, fy) - 1)
+
+
+def findings(fit: Fit, views: Sequence[View], failed: Failed) -> list[Finding]:
+    """What a user should read about a calibration that is none the less usable.
+
+    Corners left out are told view by view instead, see `View.left_out`.
+    """
+    found = [Finding("warning", f"{name} was not used: {reason}") for name, reason in failed]
     per_view = [rms_px([part])[2] for part in fit.residuals]
     _, _, joint = rms_px(fit.residuals)
     if joint > GOOD_RMS_PX:
         worst = int(np.argmax(per_view))
-        found.append(
+        message = (
             f"the residuals are large, {joint:.1f} px rms, most in {views[worst].name} "
-            f"({per_view[worst]:.1f} px): look at the board's pitches and flatness, and for motion"
+            f"({per_view[worst]:.1f} px)."
         )
+        remedy = "Look at the board's pitches and flatness, and for motion."
+        found.append(Finding("warning", message, remedy))
+    if _oblong(fit) > GOOD_OBLONG:
+        message = f"the camera's focal lengths differ by {_oblong(fit):.1%} between x and y."
+        found.append(Finding("warning", message, "Measure the board's pitches in x and y."))
     tilt = largest_tilt_deg(fit.state.camera_from_board)
     if tilt < GOOD_TILT_DEG:
-        found.append(
+        message = (
             f"the board was tilted by at most {tilt:.0f} degrees between two views: focal lengths "
-            "are weakly determined; add views tilted by 20 to 40 degrees about both axes"
+            "are weakly determined."
         )
+        remedy = "Add views tilted by 20 to 40 degrees about both axes."
+        found.append(Finding("warning", message, remedy))
     return found
-
-
-def first_fit(views: Sequence[View], camera_size: ImageSize, settings: CalibrationSettings) -> Fit:
-    """A refined fit that is no nonsense, else `CalibrationError`."""
-    fit = refine(start_state(views, camera_size), views, settings)
-    refuse_nonsense(fit, views)
-    return fit
-
-
-def blame(views: Sequence[View], camera_size: ImageSize, settings: CalibrationSettings) -> str:
-    """A sentence naming the one view without which all others fit, empty if there is none.
-
-    For the message of a failure: it solves once per view.
-    """
-    if len(views) <= LEAST_VIEWS:
-        return ""
-    better = {}
-    for index, view in enumerate(views):
-        others = [*views[:index], *views[index + 1 :]]
-        try:
-            better[view.name] = rms_px(first_fit(others, camera_size, settings).residuals)[2]
-        except CalibrationError:
-            continue
-    if not better:
-        return ""
-    name = min(better, key=lambda key: better[key])
-    return f". Without {name} the others fit to {better[name]:.2f} px: look at that capture first"

@@ -29,6 +29,7 @@ WINDOW_SHARE = 0.28
 0.32 and rise steeply from 0.35, where the window of a tilted square begins to hold other edges."""
 
 SMALLEST_SQUARE_PX = 6.0
+SMALLEST_IMAGE_PX = 16
 ROBUST_PERCENT = (0.5, 99.5)
 _SMALLEST_BOARD = (3, 3)
 
@@ -125,10 +126,17 @@ def _detect(grey: NDArray[np.uint8], board: CheckerboardTarget) -> Points | None
     """Corners as the first detector that finds them orders them."""
     size = (board.columns, board.rows)
     flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
+    if min(grey.shape) < SMALLEST_IMAGE_PX:
+        return None
     found, corners = cv2.findChessboardCornersSB(grey, size, flags=flags)
     if not found:
         found, corners = cv2.findChessboardCorners(grey, size)
-    return corners.reshape(-1, 2).astype(np.float64) if found else None
+    if not found:
+        return None
+    detected = corners.reshape(-1, 2).astype(np.float64)
+    height, width = grey.shape
+    inside = (detected >= 0).all() and (detected <= [width - 1, height - 1]).all()
+    return detected if inside else None
 
 
 def _right_handed(corners: Points, board: CheckerboardTarget) -> Points:
@@ -156,7 +164,9 @@ def _why_not_found(grey: NDArray[np.uint8], board: CheckerboardTarget) -> str:
     """What is there instead of the board asked for."""
     asked = f"no board of {board.columns} x {board.rows} inner corners was found"
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_LARGER
-    found, _, meta = cv2.findChessboardCornersSBWithMeta(grey, _SMALLEST_BOARD, flags)
+    found = min(grey.shape) >= SMALLEST_IMAGE_PX
+    if found:
+        found, _, meta = cv2.findChessboardCornersSBWithMeta(grey, _SMALLEST_BOARD, flags)
     if not found:
         return (
             f"{asked}, nor any other: is the whole board in the image, evenly lit, with a white "

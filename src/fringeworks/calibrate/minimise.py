@@ -27,6 +27,9 @@ Model: TypeAlias = Callable[[Array], Iterable[Block]]
 MOST_STEPS = 300
 _STEP = 1e-6
 _GAIN = 1e-12
+_HIDDEN_DROP = 1e-6
+"""Where no step gains any more, the gradient is believed if Newton's step promises less."""
+
 _FIRST_DAMPING = 1e-3
 _MOST_DAMPING = 1e12
 _HARDLY_ANY = 1e-12
@@ -54,8 +57,8 @@ def minimise(model: Model, start: Array, *, huber: float) -> Minimum:
     """Least sum of Huber losses of the residuals, beyond `huber` linear.
 
     It ends where Newton's step would move the residuals by less than 1e-6 standard deviations in
-    all, or lower the loss by less than 1e-12 of it. Not converged: 300 steps were not enough, or
-    nothing lowers the loss though the gradient says so.
+    all, or lower the loss by less than 1e-12 of it, or where rounding hides any gain. Not
+    converged: 300 steps were not enough, or nothing lowers the loss though the gradient says so.
     """
     point = _evaluate(model, start, huber)
     damping, growth = _FIRST_DAMPING, 2.0
@@ -72,15 +75,18 @@ def minimise(model: Model, start: Array, *, huber: float) -> Minimum:
         else:  # not a number counts as worse
             damping, growth = damping * growth, growth * 2
             if damping > _MOST_DAMPING:
-                break
+                return Minimum(point.parameters, converged=_drop(point) < _HIDDEN_DROP)
     return Minimum(point.parameters, converged=False)
 
 
 def _settled(point: _Point) -> bool:
-    newton = _damped_step(point, _HARDLY_ANY)
-    moves = float(np.linalg.norm(newton * _scale(point)))
-    gain = -float(newton @ point.gradient) / 2
-    return moves < _STEP or gain < _GAIN * point.loss
+    drop = _drop(point)
+    return drop < _STEP**2 or drop / 2 < _GAIN * point.loss
+
+
+def _drop(point: _Point) -> float:
+    """Square of how far Newton's step moves the residuals: twice what it lowers the loss by."""
+    return -float(_damped_step(point, _HARDLY_ANY) @ point.gradient)
 
 
 def _scale(point: _Point) -> Array:
@@ -95,7 +101,7 @@ def _damped_step(point: _Point, damping: float) -> Array:
     try:
         return np.asarray(-np.linalg.solve(matrix, point.gradient / scale) / scale)
     except np.linalg.LinAlgError:
-        return np.zeros_like(scale)
+        return np.full_like(scale, np.nan)
 
 
 def _evaluate(model: Model, parameters: Array, huber: float) -> _Point:

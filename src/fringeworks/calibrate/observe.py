@@ -17,6 +17,7 @@ from fringeworks.calibrate.corners import (
 from fringeworks.calibrate.local_fit import LocalFit, fit_local
 from fringeworks.calibrate.settings import CalibrationSettings
 from fringeworks.errors import CalibrationError
+from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import Capture, CheckerboardTarget, CodedAxis, ProjectorMap
 
 Array = NDArray[np.float64]
@@ -30,6 +31,8 @@ LARGEST_IMBALANCE = 0.3
 LARGEST_SIGMA_PX = 0.5
 LEAST_SHARE_OF_CORNERS = 0.25
 LEAST_CORNERS = 12
+SMALLEST_AREA = 1e-9
+"""Of a camera pixel in projector px^2; below it the coordinates do not change, mirrored or not."""
 
 KEPT = ""
 TOO_FEW = "too few decoded pixels about the corner"
@@ -74,13 +77,18 @@ class View:
         """``(n, 4)``: camera x, y and projector x, y."""
         return np.concatenate([self.camera_px, self.projector_px], axis=1)
 
+    def kept_in_camera(self, camera_from_board: Array) -> Array:
+        """``(k, 3)`` kept corners in the camera's frame, mm, from the board's pose ``(6,)``."""
+        turn, shift = rotation_matrix(camera_from_board[:3]), camera_from_board[3:]
+        return np.asarray(self.board_mm[self.kept] @ turn.T + shift)
+
     @property
     def mirrored(self) -> bool:
         """Whether the affine map from camera to projector px turns left to right."""
         kept = self.kept
         design = np.column_stack([self.camera_px[kept], np.ones(kept.sum())])
         affine, *_ = np.linalg.lstsq(design, self.projector_px[kept], rcond=None)
-        return bool(np.linalg.det(affine[:2]) < 0)
+        return bool(np.linalg.det(affine[:2]) < -SMALLEST_AREA)
 
     @property
     def left_out(self) -> dict[str, int]:

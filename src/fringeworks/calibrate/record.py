@@ -1,26 +1,79 @@
 """What a calibration keeps of itself in the rig's file, as plain values.
 
-Enough to judge it, view by view, and to solve it again: `views_from_record` gives back the
-observations that `calibrate_rig` had.
+Enough to judge it, view by view, and to solve it again: `read_record` gives back the observations
+that `calibrate_rig` had.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from typing import Any
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from fringeworks.calibrate.bundle import Fit, all_residuals, rms_px
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.settings import CalibrationSettings
 from fringeworks.errors import FormatError
 from fringeworks.geometry.pose import rotation_matrix
-from fringeworks.model import CheckerboardTarget
+from fringeworks.model import CheckerboardTarget, Finding, Pose
 
 Array = NDArray[np.float64]
+
+KEY = "calibration"
+"""Where `Rig.further` keeps the record."""
+
+Triple: TypeAlias = tuple[float, float, float]
+Pair: TypeAlias = tuple[float | None, float | None]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ViewRecord:
+    """One view of a calibration.
+
+    Attributes
+    ----------
+    view
+        What both devices saw.
+    camera_from_board
+        The board's pose.
+    camera_rms_px, projector_rms_px
+        Root mean squared distance of the kept corners.
+    camera_residual_px, projector_residual_px
+        ``(n, 2)`` measured minus projected px of all corners, left out or not; NaN where void.
+    """
+
+    view: View
+    camera_from_board: Pose
+    camera_rms_px: float
+    projector_rms_px: float
+    camera_residual_px: Array
+    projector_residual_px: Array
+
+    @property
+    def name(self) -> str:
+        return self.view.name
+
+    @property
+    def kept_count(self) -> int:
+        return int(self.view.kept.sum())
+
+    @property
+    def offered_count(self) -> int:
+        return len(self.view.reasons)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CalibrationRecord:
+    """What `make_record` wrote, as far as anybody reads it; failed captures as (name, reason)."""
+
+    views: tuple[ViewRecord, ...]
+    findings: tuple[Finding, ...]
+    failed_captures: tuple[tuple[str, str], ...]
 
 
 def make_record(
@@ -30,7 +83,7 @@ def make_record(
     board: CheckerboardTarget,
     settings: CalibrationSettings,
     failed: Sequence[tuple[str, str]],
-    findings: Sequence[str],
+    findings: Sequence[Finding],
 ) -> dict[str, Any]:
     """JSON-able record of a calibration; void numbers are None.
 
@@ -46,28 +99,12 @@ def make_record(
         "sigma_px": {"camera": fit.sigma_px[0], "projector": fit.sigma_px[1]},
         "rms_of_all_px": {"camera": camera_rms, "projector": projector_rms, "joint": joint_rms},
         "failed_captures": [{"name": name, "reason": reason} for name, reason in failed],
-        "findings": list(findings),
+        "findings": [asdict(finding) for finding in findings],
         "views": [
             _view_record(view, pose, part)
             for view, pose, part in zip(views, fit.state.camera_from_board, residuals, strict=True)
         ],
     }
-
-
-def views_from_record(record: Mapping[str, Any]) -> list[View]:
-    """The views of a `make_record`, ready for `calibrate_rig`.
-
-    Raises
-    ------
-    FormatError
-        A key is missing or does not hold what `make_record` writes.
-    """
-    try:
-        return [_view_from(entry) for entry in record["views"]]
-    except (KeyError, TypeError, ValueError) as error:
-        raise FormatError(
-            f"the rig's record of its calibration is incomplete: {error!r}"
-        ) from error
 
 
 def _view_record(view: View, pose: Array, residuals: Array) -> dict[str, Any]:
@@ -95,23 +132,102 @@ def _view_record(view: View, pose: Array, residuals: Array) -> dict[str, Any]:
     }
 
 
-def _view_from(entry: Mapping[str, Any]) -> View:
-    return View(
-        name=str(entry["name"]),
-        board_mm=_array(entry["board_mm"], 3),
-        camera_px=_array(entry["camera_px"], 2),
-        projector_px=_array(entry["projector_px"], 2),
-        camera_sigma_px=_array(entry["camera_sigma_px"], 2),
-        projector_sigma_px=_array(entry["projector_sigma_px"], 2),
-        reasons=tuple(str(reason) for reason in entry["reasons"]),
-        image=str(entry["image"]),
-    )
-
-
 def _plain(values: Array) -> list[list[float | None]]:
     """Nested lists with None for NaN."""
     return [[float(x) if np.isfinite(x) else None for x in row] for row in values]
 
 
-def _array(rows: Sequence[Sequence[float | None]], width: int) -> Array:
-    return np.array(rows, dtype=np.float64).reshape(-1, width)
+class _Table(BaseModel):
+    """Keys that nobody reads back, such as the settings, are free."""
+
+    model_config = ConfigDict(strict=False, allow_inf_nan=False)
+
+
+class _PoseTable(_Table):
+    rotation: tuple[Triple, Triple, Triple]
+    translation_mm: Triple
+
+
+class _ViewTable(_Table):
+    name: str
+    image: str
+    camera_from_board: _PoseTable
+    camera_rms_px: NotNegative
+    projector_rms_px: NotNegative
+    reasons: list[str]
+    board_mm: list[Triple]
+    camera_px: list[Pair]
+    projector_px: list[Pair]
+    camera_sigma_px: list[Pair]
+    projector_sigma_px: list[Pair]
+    camera_residual_px: list[Pair]
+    projector_residual_px: list[Pair]
+
+
+class _FailedTable(_Table):
+    name: str
+    reason: str
+
+
+class _RecordTable(_Table):
+    views: Annotated[list[_ViewTable], Field(min_length=1)]
+    findings: list[Finding]
+    failed_captures: list[_FailedTable]
+
+
+def read_record(further: Mapping[str, Any]) -> CalibrationRecord | None:
+    """The record in `Rig.further`; None where the rig keeps none.
+
+    Raises
+    ------
+    FormatError
+        Naming the key that is missing or does not hold what `make_record` writes.
+    """
+    if KEY not in further:
+        return None
+    try:
+        table = _RecordTable.model_validate(further[KEY])
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        key = ".".join(str(part) for part in (KEY, *first["loc"]))
+        raise FormatError(
+            f"the rig's record of its calibration is damaged: {key}: {first['msg']}"
+        ) from error
+    return CalibrationRecord(
+        views=tuple(_read_view(view, index) for index, view in enumerate(table.views)),
+        findings=tuple(table.findings),
+        failed_captures=tuple((failed.name, failed.reason) for failed in table.failed_captures),
+    )
+
+
+def _read_view(table: _ViewTable, index: int) -> ViewRecord:
+    count = len(table.reasons)
+
+    def array(key: str) -> Array:
+        """``(n, 2)`` or ``(n, 3)``, NaN for None."""
+        values = np.array(getattr(table, key), dtype=np.float64)
+        if len(values) != count or not count:
+            raise FormatError(
+                f"the rig's record of its calibration is damaged: {KEY}.views.{index}.{key} must "
+                f"have a row for each of the {count} reasons, got {len(values)}"
+            )
+        return values
+
+    pose = table.camera_from_board
+    return ViewRecord(
+        view=View(
+            name=table.name,
+            board_mm=array("board_mm"),
+            camera_px=array("camera_px"),
+            projector_px=array("projector_px"),
+            camera_sigma_px=array("camera_sigma_px"),
+            projector_sigma_px=array("projector_sigma_px"),
+            reasons=tuple(table.reasons),
+            image=table.image,
+        ),
+        camera_from_board=Pose(np.array(pose.rotation), np.array(pose.translation_mm)),
+        camera_rms_px=table.camera_rms_px,
+        projector_rms_px=table.projector_rms_px,
+        camera_residual_px=array("camera_residual_px"),
+        projector_residual_px=array("projector_residual_px"),
+    )

@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 
 from fringeworks.calibrate.bundle import Fit, RigState, refine, rms_px
 from fringeworks.calibrate.checks import (
+    GOOD_RMS_PX,
     LEAST_VIEWS,
     Failed,
-    blame,
     enough_views,
     findings,
-    first_fit,
     refuse_nonsense,
 )
 from fringeworks.calibrate.observe import View, observe_board
-from fringeworks.calibrate.record import make_record
+from fringeworks.calibrate.record import KEY, make_record
 from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
-from fringeworks.errors import CalibrationError, DecodeError
+from fringeworks.calibrate.start import start_state
+from fringeworks.errors import CalibrationError, DecodeError, FormatError
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import (
     Camera,
@@ -77,7 +77,7 @@ def calibrate_captures(
         sizes = _same_sizes(capture, sizes)
         try:
             views.append(_observe(capture, board, settings))
-        except (CalibrationError, DecodeError) as error:
+        except (CalibrationError, DecodeError, FormatError) as error:
             failed.append((capture.name, str(error).removeprefix(f"{capture.name}: ")))
         del capture  # the next one is read before the loop's name is bound anew
     if sizes is None:
@@ -124,9 +124,9 @@ def calibrate_rig(
     settings = settings or CalibrationSettings()
     enough_views(views, failed)
     try:
-        fit = first_fit(views, camera_size, settings)
+        fit = _first_fit(views, camera_size, settings)
     except CalibrationError as error:
-        raise CalibrationError(f"{error}{blame(views, camera_size, settings)}") from error
+        raise CalibrationError(f"{error}{_blame(views, camera_size, settings)}") from error
     trimmed = leave_out_worst(fit, views, settings)
     if trimmed is not views:
         views, fit = trimmed, refine(fit.state, trimmed, settings)
@@ -149,8 +149,35 @@ def calibrate_rig(
         projector_from_camera=_pose(state.projector_from_camera),
         volume_mm=_depth_range(state, views),
         quality=_quality(fit, offered),
-        further={"calibration": record},
+        further={KEY: record},
     )
+
+
+def _first_fit(views: Sequence[View], camera_size: ImageSize, settings: CalibrationSettings) -> Fit:
+    """A refined fit that is no nonsense, else `CalibrationError`."""
+    fit = refine(start_state(views, camera_size), views, settings)
+    refuse_nonsense(fit, views)
+    return fit
+
+
+def _blame(views: Sequence[View], camera_size: ImageSize, settings: CalibrationSettings) -> str:
+    """A sentence naming the one view without which all others fit, empty if there is none.
+
+    For the message of a failure: it solves once per view.
+    """
+    if len(views) <= LEAST_VIEWS:
+        return ""
+    better = {}
+    for index, view in enumerate(views):
+        others = [*views[:index], *views[index + 1 :]]
+        try:
+            better[view.name] = rms_px(_first_fit(others, camera_size, settings).residuals)[2]
+        except CalibrationError:
+            continue
+    name = min(better, key=lambda key: better[key], default="")
+    if not name or better[name] > GOOD_RMS_PX:
+        return ""
+    return f". Without {name} the others fit to {better[name]:.2f} px: look at that capture first"
 
 
 def leave_out_worst(
@@ -212,7 +239,7 @@ def _depth_range(state: RigState, views: Sequence[View]) -> tuple[float, float]:
     """Smallest and largest z, mm, of the kept corners in the camera's frame."""
     depths = np.concatenate(
         [
-            (view.board_mm[view.kept] @ rotation_matrix(pose[:3]).T + pose[3:])[:, 2]
+            view.kept_in_camera(pose)[:, 2]
             for view, pose in zip(views, state.camera_from_board, strict=True)
         ]
     )

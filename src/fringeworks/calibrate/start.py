@@ -41,8 +41,8 @@ def start_state(views: Sequence[View], camera_size: ImageSize) -> RigState:
     Raises
     ------
     CalibrationError
-        A view is mirrored, the camera's corners do not fit a board, the board has nearly the same
-        orientation in all views, or no projector explains its coordinates.
+        A view is mirrored, the camera's corners fix no lens or do not fit a board, the board has
+        nearly the same orientation in all views, or no projector explains its coordinates.
     """
     for view in views:
         refuse_mirrored(view)
@@ -56,10 +56,7 @@ def start_state(views: Sequence[View], camera_size: ImageSize) -> RigState:
             "distance cannot be told apart; add views tilted by 20 to 40 degrees about both axes"
         )
     points = np.concatenate(
-        [
-            view.board_mm[view.kept] @ rotation_matrix(pose[:3]).T + pose[3:]
-            for view, pose in zip(views, boards, strict=True)
-        ]
+        [view.kept_in_camera(pose) for view, pose in zip(views, boards, strict=True)]
     )
     pixels = np.concatenate([view.projector_px[view.kept] for view in views])
     projector, relation = _resect(points, pixels)
@@ -70,8 +67,7 @@ def _refuse_camera(camera: Array, boards: Array, views: Sequence[View]) -> None:
     """Raise where the camera alone does not fit the board, naming the worst view."""
     rms = []
     for view, pose in zip(views, boards, strict=True):
-        points = view.board_mm[view.kept] @ rotation_matrix(pose[:3]).T + pose[3:]
-        error = view.camera_px[view.kept] - project(points, camera)
+        error = view.camera_px[view.kept] - project(view.kept_in_camera(pose), camera)
         rms.append(float(np.sqrt(np.mean(np.sum(error**2, axis=1)))))
     worst = int(np.argmax(np.nan_to_num(rms, nan=np.inf)))
     if not rms[worst] <= LARGEST_RMS_PX:
@@ -93,14 +89,21 @@ def _camera_start(views: Sequence[View], size: ImageSize) -> tuple[Array, Array]
     """Lens ``(9,)`` and board poses ``(views, 6)``."""
     board = [view.board_mm[view.kept].astype(np.float32) for view in views]
     pixels = [view.camera_px[view.kept].astype(np.float32) for view in views]
-    _, matrix, distortion, rotations, translations = cv2.calibrateCamera(
-        board,
-        pixels,
-        (size.width, size.height),
-        np.eye(3),
-        np.zeros(5),
-        flags=cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3,
-    )
+    try:
+        _, matrix, distortion, rotations, translations = cv2.calibrateCamera(
+            board,
+            pixels,
+            (size.width, size.height),
+            np.eye(3),
+            np.zeros(5),
+            flags=cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3,
+        )
+    except cv2.error as error:
+        names = ", ".join(view.name for view in views if _is_thin(view)) or "some view"
+        raise CalibrationError(
+            f"the camera's corners fix no lens ({error.err}); those kept in {names} are fewer than "
+            "four, or lie on one line or in one point: leave these captures out"
+        ) from error
     principal = (matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
     lens = np.array([*principal, *np.ravel(distortion)[:5]], dtype=np.float64)
     poses = [
@@ -110,8 +113,16 @@ def _camera_start(views: Sequence[View], size: ImageSize) -> tuple[Array, Array]
     return lens, np.array(poses, dtype=np.float64)
 
 
+def _is_thin(view: View) -> bool:
+    """Whether the kept corners, on the board or in the camera's image, span no plane."""
+    parts = (view.board_mm[view.kept, :2], view.camera_px[view.kept])
+    return len(parts[0]) < 4 or any(np.linalg.matrix_rank(np.cov(part.T)) < 2 for part in parts)
+
+
 def _resect(points: Array, pixels: Array) -> tuple[Array, Array]:
     """Projector lens ``(9,)`` and projector_from_camera ``(6,)`` of points ``(n, 3)``."""
+    if not np.ptp(pixels, axis=0).all():
+        raise CalibrationError(f"all projector coordinates are the same; {PROJECTOR_CAUSES}")
     to_unit, scaled = _normalise(pixels)
     from_unit, body = _normalise(points)
     homogeneous = np.column_stack([body, np.ones(len(body))])

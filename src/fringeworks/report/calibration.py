@@ -6,44 +6,34 @@ where in both images the corners lie and which way each one misses, ``boards.png
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
+from fringeworks.calibrate.record import ViewRecord, read_record
 from fringeworks.errors import FormatError
 from fringeworks.model import Camera, Projector, Quality, Rig
-from fringeworks.report.canvas import new_figure, save_figure
+from fringeworks.report.canvas import (
+    CAMERA_COLOUR,
+    PROJECTOR_COLOUR,
+    new_figure,
+    save_figures,
+    view_colours,
+)
 from fringeworks.report.scene import draw_scene
 
 ARROW_SHARE = 0.05
 """Length of the largest residual in ``coverage.png`` as a share of the image's width."""
 
 SCATTER_PERCENT = 98.5
-CAMERA_COLOUR, PROJECTOR_COLOUR = "#0072b2", "#d55e00"
 MOST_IN_LEGEND = 12
 
-
-@dataclass(frozen=True, slots=True)
-class _ViewRecord:
-    """One view of the record: ``(n, 2)`` px arrays, residuals NaN where a corner is left out."""
-
-    name: str
-    camera_px: NDArray[np.float64]
-    projector_px: NDArray[np.float64]
-    camera_residual_px: NDArray[np.float64]
-    projector_residual_px: NDArray[np.float64]
-    camera_rms_px: float
-    projector_rms_px: float
-    kept: int
-    offered: int
+Array = NDArray[np.float64]
 
 
 def save_calibration(rig: Rig, folder: Path) -> list[Path]:
@@ -52,55 +42,35 @@ def save_calibration(rig: Rig, folder: Path) -> list[Path]:
     Raises
     ------
     FormatError
-        The rig has no record of its calibration.
+        The rig has no record of its calibration, or a damaged one.
     """
-    return [save_figure(figure, folder / f"{name}.png") for name, figure in draw_calibration(rig)]
+    return save_figures(draw_calibration(rig), folder)
 
 
 def draw_calibration(rig: Rig) -> Iterator[tuple[str, Figure]]:
     """Name and figure of every picture."""
-    record = rig.further.get("calibration")
+    record = read_record(rig.further)
     if record is None or rig.quality is None:
         raise FormatError("the rig keeps no record of its calibration: nothing to draw")
-    views = [_read_view(entry) for entry in record["views"]]
-    yield "residuals", _draw_residuals(views, rig.quality)
-    yield "views", _draw_views(views)
-    yield "coverage", _draw_coverage(views, rig)
-    yield "boards", draw_scene(rig, record["views"])
+    yield "residuals", _draw_residuals(record.views, rig.quality)
+    yield "views", _draw_views(record.views)
+    yield "coverage", _draw_coverage(record.views, rig)
+    yield "boards", draw_scene(rig, record.views)
 
 
-def _read_view(entry: Mapping[str, Any]) -> _ViewRecord:
-    left_out = np.array([bool(reason) for reason in entry["reasons"]])
-
-    def pixels(key: str) -> NDArray[np.float64]:
-        return np.array(entry[key], dtype=np.float64).reshape(-1, 2)
-
-    def kept_pixels(key: str) -> NDArray[np.float64]:
-        return np.where(left_out[:, None], np.nan, pixels(key))
-
-    return _ViewRecord(
-        name=entry["name"],
-        camera_px=pixels("camera_px"),
-        projector_px=pixels("projector_px"),
-        camera_residual_px=kept_pixels("camera_residual_px"),
-        projector_residual_px=kept_pixels("projector_residual_px"),
-        camera_rms_px=entry["camera_rms_px"],
-        projector_rms_px=entry["projector_rms_px"],
-        kept=entry["kept"],
-        offered=entry["offered"],
+def _residuals(view: ViewRecord) -> tuple[Array, Array]:
+    """``(n, 2)`` px in camera and projector, NaN where a corner is left out."""
+    kept = view.view.kept[:, None]
+    return (
+        np.where(kept, view.camera_residual_px, np.nan),
+        np.where(kept, view.projector_residual_px, np.nan),
     )
 
 
-def view_colours(count: int) -> list[Any]:
-    """One colour per view, told apart and in order."""
-    return [mpl.colormaps["viridis"](share) for share in np.linspace(0.0, 0.92, count)]
-
-
-def _draw_residuals(views: Sequence[_ViewRecord], quality: Quality) -> Figure:
+def _draw_residuals(views: Sequence[ViewRecord], quality: Quality) -> Figure:
     figure = new_figure(4.9, width_in=10.0)
     left, right = figure.subplots(1, 2)
-    camera = [view.camera_residual_px for view in views]
-    projector = [view.projector_residual_px for view in views]
+    camera, projector = zip(*map(_residuals, views), strict=True)
     _scatter(left, camera, quality.camera_rms_px)
     left.set_title(f"camera: rms {quality.camera_rms_px:.3f} px", loc="left")
     _scatter(right, projector, quality.projector_rms_px)
@@ -114,7 +84,7 @@ def _draw_residuals(views: Sequence[_ViewRecord], quality: Quality) -> Figure:
     return figure
 
 
-def _scatter(axes: Axes, residuals: Sequence[NDArray[np.float64]], rms: float) -> None:
+def _scatter(axes: Axes, residuals: Sequence[Array], rms: float) -> None:
     """Measured minus projected coordinates, with a circle of one rms."""
     every = np.abs(np.concatenate(residuals))
     reach = max(1.1 * float(np.nanpercentile(every, SCATTER_PERCENT)), 3.0 * rms)
@@ -131,7 +101,7 @@ def _scatter(axes: Axes, residuals: Sequence[NDArray[np.float64]], rms: float) -
     axes.set_ylabel("measured - projected y, px")
 
 
-def _draw_views(views: Sequence[_ViewRecord]) -> Figure:
+def _draw_views(views: Sequence[ViewRecord]) -> Figure:
     figure = new_figure(1.4 + 0.45 * len(views))
     axes = figure.add_subplot()
     place = np.arange(len(views))
@@ -140,7 +110,10 @@ def _draw_views(views: Sequence[_ViewRecord]) -> Figure:
     axes.barh(place - 0.2, camera, 0.38, color=CAMERA_COLOUR, label="camera")
     axes.barh(place + 0.2, projector, 0.38, color=PROJECTOR_COLOUR, label="projector")
     axes.set_yticks(
-        place, labels=[f"{view.name}\n{view.kept} of {view.offered} corners" for view in views]
+        place,
+        labels=[
+            f"{view.name}\n{view.kept_count} of {view.offered_count} corners" for view in views
+        ],
     )
     axes.invert_yaxis()
     axes.set_xlabel("rms, px")
@@ -151,11 +124,11 @@ def _draw_views(views: Sequence[_ViewRecord]) -> Figure:
     return figure
 
 
-def _draw_coverage(views: Sequence[_ViewRecord], rig: Rig) -> Figure:
+def _draw_coverage(views: Sequence[ViewRecord], rig: Rig) -> Figure:
     figure = new_figure(4.9, width_in=11.0)
     left, right = figure.subplots(1, 2)
-    camera = [(view.camera_px, view.camera_residual_px) for view in views]
-    projector = [(view.projector_px, view.projector_residual_px) for view in views]
+    camera = [(view.view.camera_px, _residuals(view)[0]) for view in views]
+    projector = [(view.view.projector_px, _residuals(view)[1]) for view in views]
     for axes, name, pairs, device in (
         (left, "camera", camera, rig.camera),
         (right, "projector", projector, rig.projector),
@@ -167,7 +140,7 @@ def _draw_coverage(views: Sequence[_ViewRecord], rig: Rig) -> Figure:
 
 def _draw_arrows(
     axes: Axes,
-    pairs: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    pairs: Sequence[tuple[Array, Array]],
     device: Camera | Projector,
 ) -> float:
     """Corners in a device's image, each with its residual; returns how much it is magnified."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -19,6 +20,7 @@ from fringeworks.files.atomic import replacing
 
 DPI = 110
 WIDTH_IN = 8.5
+CAMERA_COLOUR, PROJECTOR_COLOUR = "#0072b2", "#d55e00"
 VOID_COLOUR = "0.9"
 """Void pixels are light grey: none of the colour maps used here comes near it."""
 
@@ -75,6 +77,11 @@ def robust_limits(values: Image) -> tuple[float, float]:
         return 0.0, 1.0
     low, high = (float(level) for level in np.percentile(finite, ROBUST_PERCENT))
     return (low, high) if high > low else (low - 0.5, low + 0.5)
+
+
+def view_colours(count: int) -> list[Any]:
+    """One colour per view, told apart and in order."""
+    return [mpl.colormaps["viridis"](share) for share in np.linspace(0.0, 0.92, count)]
 
 
 def new_figure(height_in: float, *, width_in: float = WIDTH_IN) -> Figure:
@@ -149,3 +156,8 @@ def save_figure(figure: Figure, path: Path) -> Path:
     with replacing(path) as temporary:
         figure.savefig(temporary, format="png", bbox_inches="tight", pad_inches=0.12)
     return path
+
+
+def save_figures(named: Iterable[tuple[str, Figure]], folder: Path) -> list[Path]:
+    """Write every figure as ``NAME.png`` into `folder`; returns their paths."""
+    return [save_figure(figure, folder / f"{name}.png") for name, figure in named]

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fringeworks.model import Cloud
-from fringeworks.report.canvas import Shade, map_figure, save_figure
-from fringeworks.report.views import draw_views
+from fringeworks.report.canvas import Shade, map_figure, save_figures
+from fringeworks.report.solid import draw_solid
 
 DEPTH = Shade("depth z, mm", "viridis_r")
 """What is near is light, as a lamp at the camera would show it."""
@@ -22,7 +22,7 @@ def save_cloud(cloud: Cloud, folder: Path) -> list[Path]:
     ``depth.png``, ``sigma_mm.png``, ``cloud.png``, and ``epipolar_px.png`` where both axes were
     used.
     """
-    return [save_figure(figure, folder / f"{name}.png") for name, figure in draw_cloud(cloud)]
+    return save_figures(draw_cloud(cloud), folder)
 
 
 def draw_cloud(cloud: Cloud) -> Iterator[tuple[str, Figure]]:
@@ -34,7 +34,7 @@ def draw_cloud(cloud: Cloud) -> Iterator[tuple[str, Figure]]:
     )
     if np.isfinite(cloud.epipolar_px).any():
         yield "epipolar_px", _draw_epipolar(cloud)
-    yield "cloud", draw_views(cloud, DEPTH)
+    yield "cloud", draw_solid(cloud, DEPTH)
 
 
 def _draw_epipolar(cloud: Cloud) -> Figure:

@@ -29,7 +29,7 @@ from fringeworks.report.canvas import (
     map_height_in,
     new_figure,
     robust_limits,
-    save_figure,
+    save_figures,
 )
 
 COORDINATE_NAMES: dict[Axis, str] = {"x": "column", "y": "row"}
@@ -53,7 +53,7 @@ def save_decoding(decoding: Decoding, folder: Path) -> list[Path]:
     ``order_x.png``, ``column.png`` (for y: ``row.png``), ``sigma_px_x.png``, ``voids_x.png``. A
     Gray code alone has neither phase nor order, and one sigma for all pixels.
     """
-    return [save_figure(figure, folder / f"{name}.png") for name, figure in draw_decoding(decoding)]
+    return save_figures(draw_decoding(decoding), folder)
 
 
 def draw_decoding(decoding: Decoding) -> Iterator[tuple[str, Figure]]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
@@ -13,18 +11,18 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 from numpy.typing import NDArray
 
+from fringeworks.calibrate.record import ViewRecord
 from fringeworks.geometry.lens import unproject
 from fringeworks.model import Camera, Pose, Projector, Rig
-from fringeworks.report.canvas import new_figure
+from fringeworks.report.canvas import CAMERA_COLOUR, PROJECTOR_COLOUR, new_figure, view_colours
 
-CAMERA_COLOUR, PROJECTOR_COLOUR = "#0072b2", "#d55e00"
 FRUSTUM_SHARE = 0.3
 """How far the drawn frustums reach, as a share of the farthest board's depth."""
 
 Array = NDArray[np.float64]
 
 
-def draw_scene(rig: Rig, views: Sequence[Mapping[str, Any]]) -> Figure:
+def draw_scene(rig: Rig, views: Sequence[ViewRecord]) -> Figure:
     """Frustums and boards, the camera's z pointing into the picture and its y down."""
     boards = [_board_corners(view) for view in views]
     reach = FRUSTUM_SHARE * float(np.concatenate(boards)[:, 2].max())
@@ -35,8 +33,7 @@ def draw_scene(rig: Rig, views: Sequence[Mapping[str, Any]]) -> Figure:
     projector = _frustum(rig.projector, rig.projector_from_camera.inverse(), reach)
     _draw_frustum(axes, camera, CAMERA_COLOUR, "camera")
     _draw_frustum(axes, projector, PROJECTOR_COLOUR, "projector")
-    colours = mpl.colormaps["viridis"](np.linspace(0.0, 0.92, len(boards)))
-    for corners, colour in zip(boards, colours, strict=True):
+    for corners, colour in zip(boards, view_colours(len(boards)), strict=True):
         patch = Poly3DCollection([_shown(corners)], alpha=0.45, facecolor=colour, edgecolor="0.2")
         axes.add_collection3d(patch)
     _frame(axes, _shown(np.concatenate([camera, projector, *boards])))
@@ -44,14 +41,12 @@ def draw_scene(rig: Rig, views: Sequence[Mapping[str, Any]]) -> Figure:
     return figure
 
 
-def _board_corners(view: Mapping[str, Any]) -> Array:
+def _board_corners(view: ViewRecord) -> Array:
     """``(4, 3)`` outermost inner corners of the board in the camera's frame, mm, in a loop."""
-    pose = view["camera_from_board"]
-    board = np.array(view["board_mm"], dtype=np.float64)
+    board = view.view.board_mm
     (x0, y0, _), (x1, y1, _) = board.min(axis=0), board.max(axis=0)
     loop = np.array([[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]])
-    moved = loop @ np.array(pose["rotation"]).T + np.array(pose["translation_mm"])
-    return np.asarray(moved, dtype=np.float64)
+    return view.camera_from_board.apply(loop)
 
 
 def _frustum(device: Camera | Projector, camera_from_device: Pose, reach: float) -> Array:

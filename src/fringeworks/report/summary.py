@@ -6,8 +6,7 @@ Units stand in the names; NaN is None, which JSON knows.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,9 @@ from fringeworks.geometry.forms import PlaneFit
 from fringeworks.model import Cloud, CodedAxis, Lens, Noise, Rig, Void, WrappedPhase
 from fringeworks.model.phase import VOID_WORDS, VoidMap
 from fringeworks.phase.decode import Decoding
+
+if TYPE_CHECKING:  # a scan need not load what calibrates
+    from fringeworks.calibrate.record import CalibrationRecord, ViewRecord
 
 Summary = dict[str, Any]
 
@@ -123,11 +125,29 @@ def _lens(lens: Lens, width: int, height: int) -> Summary:
     return {"width": width, "height": height, **values}
 
 
-def summarise_views(rig: Rig) -> list[Summary]:
-    """Per view of the rig's calibration: residuals and what was kept of it, with the reasons."""
-    record: Mapping[str, Any] = rig.further.get("calibration", {})
-    keys = ("name", "image", "camera_rms_px", "projector_rms_px", "kept", "offered", "left_out")
-    return [{key: view[key] for key in keys} for view in record.get("views", [])]
+def summarise_record(record: CalibrationRecord | None) -> Summary:
+    """Views with residuals and what was kept, failed captures, findings; empty without a record."""
+    if record is None:
+        return {"views": [], "failed_captures": [], "findings": []}
+    return {
+        "views": [_view(view) for view in record.views],
+        "failed_captures": [
+            {"name": name, "reason": reason} for name, reason in record.failed_captures
+        ],
+        "findings": [str(finding) for finding in record.findings],
+    }
+
+
+def _view(record: ViewRecord) -> Summary:
+    return {
+        "name": record.name,
+        "image": record.view.image,
+        "camera_rms_px": record.camera_rms_px,
+        "projector_rms_px": record.projector_rms_px,
+        "kept": record.kept_count,
+        "offered": record.offered_count,
+        "left_out": record.view.left_out,
+    }
 
 
 def _median(values: NDArray[np.floating]) -> float | None:

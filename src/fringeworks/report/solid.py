@@ -37,12 +37,12 @@ AMBIENT = 0.35
 SLOPE_NOISE = 0.05
 WIDEST_SMOOTHING = 15
 
-VIEWS: tuple[tuple[str, tuple[float, float, float]], ...] = (
+SIDES: tuple[tuple[str, tuple[float, float, float]], ...] = (
     ("from the camera", (0.0, 0.0, 0.0)),
     ("turned by 40°", (0.0, 40.0, 0.0)),
     ("tipped by 40°", (-40.0, 0.0, 0.0)),
 )
-"""What the views are called, and the rotation vector of each, degrees."""
+"""What the sides are called, and the rotation vector of each, degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,17 +53,17 @@ class _Solid:
     colours: NDArray[np.float64]
 
 
-def draw_views(cloud: Cloud, shade: Shade) -> Figure:
+def draw_solid(cloud: Cloud, shade: Shade) -> Figure:
     """The cloud from three sides, coloured by depth and lit from above."""
     low, high = shade.limits_of(cloud.xyz[..., 2])
     solid = _solid_of(cloud, shade, (low, high))
-    pictures = [_paint(solid, rotation_matrix(np.deg2rad(np.array(turn)))) for _, turn in VIEWS]
+    pictures = [_paint(solid, rotation_matrix(np.deg2rad(np.array(turn)))) for _, turn in SIDES]
     widths = [picture.width for picture in pictures]
     tallest = max(picture.height for picture in pictures)
     height_in = np.clip(FIGURE_IN * tallest / sum(widths), 2.0, 9.0) + 0.6
     figure = new_figure(float(height_in), width_in=FIGURE_IN)
-    panels = figure.subplots(1, len(VIEWS), width_ratios=widths)
-    for axes, (name, _), picture in zip(panels, VIEWS, pictures, strict=True):
+    panels = figure.subplots(1, len(SIDES), width_ratios=widths)
+    for axes, (name, _), picture in zip(panels, SIDES, pictures, strict=True):
         _show(axes, picture, tallest)
         axes.set_title(name, loc="left")
     panels[0].set_ylabel("mm")
