@@ -10,6 +10,8 @@ import matplotlib as mpl
 import pytest
 from hypothesis import settings
 
+from fringeworks.files import data_folder, find_data
+
 IN_CI = os.environ.get("CI", "").lower() == "true"
 
 mpl.use("Agg")
@@ -21,8 +23,7 @@ settings.load_profile("fringeworks")
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
     """Folder of the real captures; it need not exist: `real` says so where it matters."""
-    default = Path(__file__).resolve().parents[2] / "shared" / "data"
-    return Path(os.environ.get("FRINGEWORKS_DATA", default))
+    return data_folder()
 
 
 @pytest.fixture(scope="session")
@@ -33,10 +34,9 @@ def real(data_dir: Path) -> Callable[[str], Path]:
     """
 
     def find(name: str) -> Path:
-        for shelf in ("real", "sample"):
-            folder = data_dir / shelf / name
-            if folder.is_dir():
-                return folder
+        folder = find_data(name)
+        if folder is not None:
+            return folder
         reason = f"real capture {name!r} not found below {data_dir} (set FRINGEWORKS_DATA)"
         if IN_CI:
             pytest.fail(reason)

@@ -56,5 +56,6 @@ def test_real_data_is_looked_for_where_the_variable_says(
 ) -> None:
     monkeypatch.setenv("FRINGEWORKS_DATA", str(tmp_path))
     assert process.real_capture() is None
-    (tmp_path / process.REAL).mkdir(parents=True)
-    assert process.real_capture() == tmp_path / process.REAL
+    capture = tmp_path.joinpath("real", *process.REAL)
+    capture.mkdir(parents=True)
+    assert process.real_capture() == capture

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from fringeworks.errors import FormatError
-from fringeworks.files import replacing
+from fringeworks.files.atomic import replacing
 
 
 def test_success_replaces_the_old_file(tmp_path: Path) -> None:
@@ -33,6 +33,27 @@ def test_failure_keeps_the_old_file_and_leaves_nothing_behind(tmp_path: Path) ->
         write_half()
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_link_stays_and_what_it_points_to_is_replaced(tmp_path: Path) -> None:
+    target, link = tmp_path / "store" / "rig.json", tmp_path / "rig.json"
+    target.parent.mkdir()
+    target.write_text("old")
+    try:
+        link.symlink_to(target)
+    except OSError:
+        pytest.skip("this system makes no symbolic links for us")
+    with replacing(link) as temporary:
+        temporary.write_text("new")
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+
+
+@pytest.mark.parametrize("name", ["r" * 240 + ".json", "r." + "j" * 240])
+def test_the_longest_names(tmp_path: Path, name: str) -> None:
+    with replacing(tmp_path / name) as temporary:
+        temporary.write_text("new")
+    assert (tmp_path / name).read_text() == "new"
 
 
 def test_parents_are_made(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import pytest
 
 from fringeworks.errors import FormatError
 from fringeworks.files import capture_images, read_capture
+from fringeworks.files.validation import read_text
 from tests.files.folders import (
     HEIGHT,
     WIDTH,
@@ -52,7 +53,32 @@ def at_top(**changes: Any) -> Callable[[Document], None]:
     return lambda description: description.update(changes)
 
 
+def as_set(index: int, **keys: Any) -> Callable[[Document], None]:
+    """Another set in its place, with as many images as it has shifts."""
+
+    def edit(description: Document) -> None:
+        images = [f"f{i}.png" for i in range(len(keys.get("shifts_deg", [0.0])))]
+        description["set"][index] = {**keys, "images": images}
+
+    return edit
+
+
+def gray_again(description: Document) -> None:
+    again = {**description["set"][GRAY], "images": ["h0.png", "h1.png"]}
+    description["set"].append(again)
+
+
+def wider(extent: int, edit: Callable[[Document], None]) -> Callable[[Document], None]:
+    def both(description: Document) -> None:
+        description["projector"]["width"] = extent
+        description["set"][GRAY]["cell_px"] = 16.0
+        edit(description)
+
+    return both
+
+
 FRINGE, GRAY, CODE, WHITE = range(4)
+THIRDS = [0.0, 120.0, 240.0]
 
 DESCRIPTIONS: list[tuple[Callable[[Document], None], str]] = [
     (
@@ -106,6 +132,29 @@ DESCRIPTIONS: list[tuple[Callable[[Document], None], str]] = [
         "capture.toml: projector.width must be <= 65536, got 1000000000",
     ),
     (at_top(projector=5), "capture.toml: projector must be a table, got 5"),
+    (
+        in_set(GRAY, complementary=3),
+        "capture.toml: set 2 (gray): complementary: must be an image name or a list of them, got 3",
+    ),
+    (at_top(camera={"gain": 65536.0}), "capture.toml: camera.gain must be <= 65535, got 65536.0"),
+    (at_top(camera={"read_noise": 1e6}), "camera.read_noise must be <= 65535, got 1000000.0"),
+    (
+        in_set(GRAY, images=["g0.png", "./g0.png"]),
+        "set 2 (gray): image 'g0.png' is used 2 times",
+    ),
+    (
+        in_set(GRAY, images=["g0.png", "./f1.png"]),
+        "set 2 (gray): image 'f1.png' is in set 1 (fringe) as well, which shows another pattern",
+    ),
+    (
+        in_set(CODE, images=["g1.png"]),
+        "set 3 (codeword): image 'g1.png' is in set 2 (gray) as well",
+    ),
+    (
+        gray_again,
+        "set 5 (gray): Gray codes with axis 'x', cell_px = 8 stand twice in one group, here and "
+        "in set 2 (gray)",
+    ),
     (at_top(camera={"gain": 0.0}), "capture.toml: camera.gain must be > 0, got 0.0"),
     (
         at_top(camera={"full_scale": 4095}),
@@ -133,21 +182,22 @@ DESCRIPTIONS: list[tuple[Callable[[Document], None], str]] = [
     ),
     (
         in_set(FRINGE, shifts_deg=[0.0, 180.0], images=["f0.png", "f1.png"]),
-        "set 1 (fringe): shifts_deg must be at least 3 shifts, got 2",
+        "set 1 (fringe): shifts must be three at least that differ clearly modulo 360 degrees, "
+        "got 2: 0, 180",
     ),
     (
         in_set(FRINGE, shifts_deg=[0.0, 120.0, 480.0]),
-        "set 1 (fringe): shifts_deg must hold three that differ clearly modulo 360, "
-        "got [0.0, 120.0, 480.0]",
+        "set 1 (fringe): shifts must be three at least that differ clearly modulo 360 degrees, "
+        "got 3: 0, 120, 480",
     ),
     (
         in_set(FRINGE, shifts_deg=[0.0, 0.001, 0.002]),
-        "set 1 (fringe): shifts_deg must hold three that differ clearly modulo 360",
+        "set 1 (fringe): shifts must be three at least that differ clearly modulo 360 degrees",
     ),
     (
         in_set(GRAY, images=["g0.png"]),
-        "set 2 (gray): 1 bits of 8 px cells cover 16 px, but the projector has 32 along x: 2 bits "
-        "are needed; are images missing, or is projector size or cell_px wrong?",
+        "set 2 (gray): bits must be 2 to 16 for 32 px in cells of 8 px, got 1; "
+        "are images missing, or is projector size or cell_px wrong?",
     ),
     (
         in_set(GRAY, inverted=["h0.png"]),
@@ -171,13 +221,13 @@ DESCRIPTIONS: list[tuple[Callable[[Document], None], str]] = [
     ),
     (
         in_set(GRAY, cell_px=8.5),
-        "set 2 (gray): cells of 8.5 px put an edge on the pixel centre x = 8; "
-        "use a cell_px that is a whole number",
+        "set 2 (gray): cell_px must be a width whose edges (every 8.5 px from the image's edge) "
+        "meet no pixel centre, as a whole number is, got 8.5",
     ),
     (
         in_set(GRAY, cell_px=9.0, complementary="half.png"),
-        "set 2 (gray): half cells (complementary) of 4.5 px put an edge on the pixel centre "
-        "x = 4; use a cell_px that is a whole, even number",
+        "set 2 (gray): cell_px must be a width whose edges (every 4.5 px from the image's edge) "
+        "meet no pixel centre, as an even whole number is, got 9",
     ),
     (
         in_set(WHITE, timestamps_s=[0.0, 1.0]),
@@ -192,22 +242,37 @@ DESCRIPTIONS: list[tuple[Callable[[Document], None], str]] = [
     (in_set(CODE, zero_px=1.5), "fringes with axis 'x', period_px = 8, zero_px = 1.5: no such set"),
     (
         in_set(CODE, period_px=7.0),
-        "set 3 (codeword): period_px = 7 with zero_px = -0.5 changes codeword on the pixel centre "
-        "x = 3; use an even period and zero_px = -0.5",
+        "set 3 (codeword): period_px must be an even whole number of px under a code frame, got 7",
     ),
-    (in_set(CODE, zero_px=0.0), "changes codeword on the pixel centre x = 4"),
+    (in_set(CODE, zero_px=0.0), "zero_px must be on an edge between pixels, got 0"),
     (
         in_set(CODE, sequence=[0, 1, 2, 1, 0]),
-        "set 3 (codeword): sequence must be indices into codewords_px, 0 to 1, got 2",
+        "set 3 (codeword): sequence must be of indices 0 to 1, got 2",
     ),
     (
         in_set(CODE, sequence=[0, 1, 0, 1]),
-        "set 3 (codeword): sequence must give a codeword for each fringe order, 0 to 4, "
-        "got 4 entries",
+        "set 3 (codeword): sequence must be long enough for orders 0 to 4, got 4 entries",
     ),
     (
         in_set(CODE, sequence=[0, 1, 0, 1, 0], zero_px=15.5),
-        "set 3 (codeword): sequence starts at fringe order 0, but zero_px = 15.5 makes lower ones",
+        "set 3 (codeword): sequence must be long enough for orders -2 to 2",
+    ),
+    (  # 36 px are 4.5 fringes of 8 px: C19 counts order 5
+        wider(36, in_set(CODE, sequence=[0, 1, 0, 1, 0])),
+        "set 3 (codeword): sequence must be long enough for orders 0 to 5, got 5 entries",
+    ),
+    (in_set(CODE, codewords_px=[4.0, 4.0]), "codewords_px must be different periods from 2 px"),
+    (
+        as_set(WHITE, kind="staircase", axis="x", period_px=8.0, levels=4, shifts_deg=THIRDS),
+        "set 4 (staircase): levels must be at least 5, one per fringe order 0 to 4, got 4",
+    ),
+    (
+        as_set(WHITE, kind="colour", axis="x", period_px=9.0, palette=["red"]),
+        "set 4 (colour): period_px must be a width whose edges (every 4.5 px",
+    ),
+    (
+        as_set(WHITE, kind="colour", axis="x", period_px=8.0, palette=["mauve"]),
+        "set 4 (colour): palette must be of black, red",
     ),
 ]
 
@@ -277,6 +342,36 @@ def test_a_huge_description_is_not_read(tmp_path: Path) -> None:
     with (tmp_path / "capture.toml").open("wb") as file:
         file.truncate(2**25)
     assert "larger than 16777216 bytes" in refusal(tmp_path)
+
+
+def test_a_device_is_not_read() -> None:
+    if not Path("/dev/zero").exists():
+        pytest.skip("this system has no /dev/zero")
+    with pytest.raises(FormatError, match="/dev/zero: not a regular file"):
+        read_text(Path("/dev/zero"))
+
+
+@pytest.mark.parametrize(
+    "key", ["a" + ".a" * 100, '"="' + '."="' * 100, "x = { a" + " . a" * 100, "[a" + ".a" * 100]
+)
+def test_a_key_of_many_parts_is_refused(tmp_path: Path, key: str) -> None:
+    (tmp_path / "capture.toml").write_text(f"{key} = 1\n")
+    assert "keys must have at most 100 parts between dots, got" in refusal(tmp_path)
+
+
+def test_dots_elsewhere_are_no_key(tmp_path: Path) -> None:
+    description = document()
+    description["provenance"] = {"text": "a." * 200, "files": [f"f{i}.png" for i in range(200)]}
+    toml = make_capture(tmp_path, description) / "capture.toml"
+    toml.write_text("# " + "." * 200 + "\n" + toml.read_text())
+    assert len(read_capture(tmp_path).frames) == 4
+
+
+def test_a_misspelt_format(tmp_path: Path) -> None:
+    description = document()
+    description["fromat"] = description.pop("format")
+    text = refusal(make_capture(tmp_path, description))
+    assert text == "capture.toml: unknown key 'fromat', did you mean 'format'?"
 
 
 def test_a_folder_without_description(tmp_path: Path) -> None:

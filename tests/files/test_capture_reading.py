@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from fringeworks.errors import UsageError
-from fringeworks.files import read_capture, to_grey
+from fringeworks.files import read_capture
+from fringeworks.files.images import to_grey
 from fringeworks.model import (
     Capture,
     Checkerboard,
@@ -33,6 +34,7 @@ from tests.files.folders import (
     make_capture,
     pixels,
     write_raw,
+    write_toml,
 )
 
 Item = TypeVar("Item")
@@ -78,7 +80,7 @@ def test_every_kind(tmp_path: Path) -> None:
             "kind": "staircase",
             "axis": "y",
             "period_px": 8.0,
-            "levels": 3,
+            "levels": 4,
             "shifts_deg": [0.0, 90.0, 180.0],
             "images": ["s0.png", "s1.png", "s2.png"],
         },
@@ -95,7 +97,7 @@ def test_every_kind(tmp_path: Path) -> None:
     capture = read_capture(make_capture(tmp_path, description))
     assert [item.pattern for item in capture.sequence.sets] == [
         Checkerboard(16.0),
-        Staircase("y", 8.0, 3, (0.0, math.pi / 2, math.pi)),
+        Staircase("y", 8.0, 4, (0.0, math.pi / 2, math.pi)),
         Colour("x", 8.0, ("red", "green")),
         Speckle(7, 2.5),
         Picture(2),
@@ -204,6 +206,17 @@ def test_a_colour_white_frame_is_kept_in_colour(tmp_path: Path) -> None:
     ]
 
 
+def test_colour_of_another_uniform_frame_is_not_the_whites(tmp_path: Path) -> None:
+    description = document()
+    description["set"].append({"kind": "uniform", "level": 0.5, "images": ["half.png"]})
+    folder = make_capture(tmp_path, description)
+    write_raw(folder / "half.png", pixels("half", shape=(HEIGHT, WIDTH, 3)))
+    assert read_capture(folder).colour is None
+    del description["set"][3]
+    write_toml(folder, description)
+    assert read_capture(folder).colour is None
+
+
 def test_grey_that_was_saved_as_rgb_is_not_colour(tmp_path: Path) -> None:
     folder = make_capture(tmp_path)
     write_raw(folder / "white.png", np.repeat(pixels("white.png")[..., None], 3, axis=-1))
@@ -227,6 +240,52 @@ def test_spare_bits_are_noticed(tmp_path: Path) -> None:
     assert capture.sequence.sets[1].pattern == GrayCode("x", 3, 8.0)
     (finding,) = capture.findings
     assert finding.message.startswith("set 2 (gray): 3 bits where 2 cover the projector")
+
+
+@pytest.mark.parametrize(("given", "missing"), [("gain", "read_noise"), ("read_noise", "gain")])
+def test_half_of_the_noise_is_noticed(tmp_path: Path, given: str, missing: str) -> None:
+    description = document()
+    description["camera"] = {given: 0.5}
+    assert [
+        str(finding) for finding in read_capture(make_capture(tmp_path, description)).findings
+    ] == [
+        f"note: {missing} is not given: gain and read_noise are both needed, so the noise is "
+        f"estimated from the images instead. Set {missing} in [camera]."
+    ]
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "place"),
+    [
+        ("f0.png", "f2.png", "set 1 (fringe)"),
+        ("g0.png", "g1.png", "set 2 (gray)"),
+        ("g1.png", "half.png", "set 2 (gray)"),
+        ("g0.png", "h1.png", "set 2 (gray)"),
+    ],
+)
+def test_equal_frames_are_noticed(tmp_path: Path, one: str, other: str, place: str) -> None:
+    description = document()
+    description["set"][1].update(inverted=["h0.png", "h1.png"], complementary="half.png")
+    folder = make_capture(tmp_path, description)
+    write_raw(folder / other, pixels(one))
+    assert [str(finding) for finding in read_capture(folder).findings] == [
+        f"warning: {place}: {one} and {other} are the same image. "
+        "Was one copied over the other? Record it again."
+    ]
+
+
+def test_equal_frames_that_are_as_they_should_be(tmp_path: Path) -> None:
+    """Repeats, shifts a turn apart, and bits that are dark everywhere."""
+    description = document()
+    names = [f"f{shift}{repeat}.png" for shift in range(4) for repeat in "ab"]
+    fringe = {"repeats": 2, "shifts_deg": [0.0, 120.0, 240.0, 360.0], "images": names}
+    description["set"][0].update(fringe)
+    folder = make_capture(tmp_path, description)
+    for other in ("f0b.png", "f3a.png", "f3b.png"):
+        write_raw(folder / other, pixels("f0a.png"))
+    for bit in ("g0.png", "g1.png"):
+        write_raw(folder / bit, np.zeros((HEIGHT, WIDTH), np.uint8))
+    assert read_capture(folder).findings == ()
 
 
 def test_images_may_stand_in_folders_below(tmp_path: Path) -> None:

@@ -13,14 +13,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fringeworks import model
-from fringeworks.errors import FormatError, UsageError
-from fringeworks.files import (
-    capture_writing,
-    describe_capture,
-    read_capture,
-    to_grey,
-    write_capture,
-)
+from fringeworks.errors import FormatError, ShapeError, UsageError
+from fringeworks.files import capture_writing, read_capture, write_capture, write_sequence
+from fringeworks.files.capture_writing import describe_capture
+from fringeworks.files.images import to_grey
 from fringeworks.model import Capture, Fringe, GrayCode, PatternSet, Sensor, Uniform
 from tests.files.folders import HEIGHT, WIDTH, make_capture, pixels
 
@@ -103,6 +99,33 @@ def test_the_white_frame_is_written_in_colour(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.colour, colour)
 
 
+@pytest.mark.parametrize("level", [0.0, 0.5])
+def test_colour_without_a_white_set_is_put_nowhere(tmp_path: Path, level: float) -> None:
+    grey = PatternSet(Uniform(level))
+    capture = capture_of((grey,), colour=pixels("colour", shape=(HEIGHT, WIDTH, 3)))
+    write_capture(capture, tmp_path)
+    again = read_capture(tmp_path)
+    np.testing.assert_array_equal(again.frames[0], capture.frames[0])
+    assert again.colour is None
+
+
+@pytest.mark.parametrize(
+    ("stacks", "message"),
+    [
+        ([3], "stacks must hold one per set, 2, got 1"),
+        ([3, 1, 1], "stacks must hold one per set, 2, got more"),
+        ([2, 1], "stack 1 must hold 3 images, got 2"),
+        ([3, 2], "stack 2 must hold 1 images, got 2"),
+    ],
+)
+def test_stacks_must_be_those_of_the_sets(tmp_path: Path, stacks: list[int], message: str) -> None:
+    sequence = model.Sequence(608, 684, (FRINGES, WHITE))
+    images = (pixels("any", shape=(count, HEIGHT, WIDTH)) for count in stacks)
+    with pytest.raises(ShapeError, match=f"^{message}$"):
+        write_sequence(sequence, (list(stack) for stack in images), tmp_path)
+    assert not (tmp_path / "capture.toml").exists()
+
+
 def test_a_capture_is_only_replaced_when_asked(tmp_path: Path) -> None:
     write_capture(capture_of((FRINGES,)), tmp_path)
     with pytest.raises(UsageError, match="holds a capture already; choose another folder"):
@@ -130,9 +153,12 @@ def test_half_a_capture_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize(
     ("item", "message"),
     [
-        (PatternSet(Fringe("x", 32.0, steps(2))), "shifts_deg must be at least 3 shifts, got 2"),
+        (
+            PatternSet(Fringe("x", 32.0, steps(2))),
+            "shifts must be three at least .* 2: 0, 180",
+        ),
         (PatternSet(Fringe("x", 1.0, steps(3))), r"set 1 \(fringe\): period_px must be >= 2"),
-        (PatternSet(GrayCode("x", 3, 32.0)), "5 bits are needed"),
+        (PatternSet(GrayCode("x", 3, 32.0)), "bits must be 5 to 16 for 608 px"),
         (PatternSet(Uniform(math.nan)), r"level must be a finite number|level must be"),
     ],
 )
@@ -164,6 +190,8 @@ def test_progress_sees_every_set(tmp_path: Path) -> None:
 
 axes = st.sampled_from(model.AXES)
 periods = st.floats(2, 1000)
+even = st.integers(1, 500).map(lambda half: 2.0 * half)
+colours = st.sampled_from(["red", "#0080ff", "White"])
 zeros = st.floats(-100, 100)
 fringes = st.builds(
     lambda axis, period, start, count, zero: Fringe(
@@ -181,8 +209,8 @@ codes = st.builds(
 others = st.one_of(
     st.builds(Uniform, st.floats(0, 1)),
     st.builds(model.Checkerboard, st.floats(0.5, 100)),
-    st.builds(model.Staircase, axes, periods, st.integers(2, 99), st.integers(3, 6).map(steps)),
-    st.builds(model.Colour, axes, periods, st.lists(st.text(min_size=1), min_size=1).map(tuple)),
+    st.builds(model.Staircase, axes, even, st.integers(350, 999), st.integers(3, 6).map(steps)),
+    st.builds(model.Colour, axes, even, st.lists(colours, min_size=1).map(tuple)),
     st.builds(model.Speckle, st.integers(0, 2**60), st.floats(0.5, 100)),
     st.builds(model.Picture, st.integers(1, 4)),
 )
@@ -194,8 +222,17 @@ pattern_sets = st.builds(
 )
 
 
+def _code(item: PatternSet) -> object:
+    """What no two sets of a group may share."""
+    pattern = item.pattern
+    return (pattern.axis, pattern.cell_px) if isinstance(pattern, GrayCode) else object()
+
+
 @settings(max_examples=80)
-@given(st.lists(pattern_sets, min_size=1, max_size=4).map(tuple), st.floats(1e-3, 255))
+@given(
+    st.lists(pattern_sets, min_size=1, max_size=4, unique_by=_code).map(tuple),
+    st.floats(1e-3, 255),
+)
 def test_any_description_reads_back(sets: tuple[PatternSet, ...], gain: float) -> None:
     """Every number exactly, but shifts: those to two units in the last place of their radians."""
     import tomllib
@@ -222,8 +259,14 @@ def _split_shifts(pattern: model.Pattern) -> tuple[object, tuple[float, ...]]:
     return (type(pattern), fields), shifts
 
 
+def _coded_place(item: PatternSet) -> object:
+    """What only one Gray code of a capture may have; each of the other sets has its own."""
+    code = item.pattern
+    return (code.axis, code.cell_px) if isinstance(code, GrayCode) else object()
+
+
 @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(sets=st.lists(pattern_sets, min_size=1, max_size=3).map(tuple))
+@given(sets=st.lists(pattern_sets, min_size=1, max_size=3, unique_by=_coded_place).map(tuple))
 def test_any_capture_reads_back(tmp_path: Path, sets: tuple[PatternSet, ...]) -> None:
     capture = capture_of(sets)
     write_capture(capture, tmp_path, overwrite=True)

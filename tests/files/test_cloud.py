@@ -99,17 +99,31 @@ def test_ply_colour_is_8_bit(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again[0], colours()[cloud.valid])
 
 
-@pytest.mark.parametrize("white", [255, 1023, 4095, 16383, 65535])
-def test_deep_colour_is_scaled_by_its_full_scale(tmp_path: Path, white: int) -> None:
-    colour = colours(np.uint16) * np.uint16(white // 255)
-    colour[3, 3] = white
+@pytest.mark.parametrize("white", [1023, 1100, 4095, 65535])
+def test_deep_levels_scale_by_their_percentile(tmp_path: Path, white: int) -> None:
+    """The 99.5 percentile becomes 255; all three channels of 47 points have 141 levels."""
+    colour = (colours().astype(np.uint32) * white // 255).astype(np.uint16)
     cloud = replace(plane(), colour=colour)
     write_cloud(tmp_path / "a.ply", cloud)
     again = read_cloud(tmp_path / "a.ply").colour
     assert again is not None
-    expected = np.rint(colour[cloud.valid] * (255.0 / white))
-    np.testing.assert_allclose(again[0], expected, atol=1)  # float32 at a rounding edge
-    assert again.max() == 255
+    levels = colour[cloud.valid]
+    expected = np.clip(levels * (255 / np.percentile(levels, 99.5)), 0, 255)
+    np.testing.assert_allclose(again[0], expected, atol=0.51)  # rounding, and float32 at its edge
+
+
+def test_brightness_is_steady_in_the_brightest_level(tmp_path: Path) -> None:
+    """A little more light is a little more brightness: no steps at 255, 1023, 4095."""
+    row, column = np.mgrid[:H, :W]
+    ramp = ((8 * row + column) / 47).astype(np.float32)
+
+    def darkest_half(brightest: float) -> float:
+        write_cloud(tmp_path / "a.ply", replace(plane(), intensity=brightest * ramp))
+        return float(read_cloud(tmp_path / "a.ply").intensity[0, :24].mean())
+
+    means = [darkest_half(level) for level in (250, 255, 260, 1000, 1023, 1024, 1100, 4200)]
+    np.testing.assert_allclose(means[1:], means[1], atol=1.0)
+    assert means[0] == pytest.approx(means[1] * 250 / 255, abs=1.0)
 
 
 def test_xyz_is_text(tmp_path: Path) -> None:

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from fringeworks.errors import FormatError, ShapeError, UsageError
-from fringeworks.files import inspect_image, read_image, to_grey, write_image
-from fringeworks.files.image_header import MAX_PIXELS
+from fringeworks.files import read_image, write_image
+from fringeworks.files.image_header import MAX_PIXELS, inspect_image
+from fringeworks.files.images import to_grey
 from fringeworks.model.capture import Frames
 from tests.files.folders import pixels, write_raw
 

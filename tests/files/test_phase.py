@@ -17,9 +17,9 @@ from fringeworks.model import (
     CodedAxis,
     Fringe,
     Noise,
-    ProjectorMap,
     WrappedPhase,
 )
+from fringeworks.phase.decode import Decoding
 
 SHAPE = (4, 5)
 
@@ -57,7 +57,7 @@ def coded(axis: Axis, *, fringes: bool) -> CodedAxis:
 
 def test_both_axes(tmp_path: Path) -> None:
     column, row = coded("x", fringes=True), coded("y", fringes=True)
-    write_phase(tmp_path / "phase.npz", ProjectorMap(column, row))
+    write_phase(tmp_path / "phase.npz", Decoding((column, row), ()))
     maps = read_phase(tmp_path / "phase.npz")
     assert column.phase is not None
     expected = {
@@ -81,7 +81,7 @@ def test_both_axes(tmp_path: Path) -> None:
 
 def test_a_gray_code_alone_has_no_phase(tmp_path: Path) -> None:
     row = coded("y", fringes=False)
-    write_phase(tmp_path / "phase.npz", ProjectorMap(None, row))
+    write_phase(tmp_path / "phase.npz", Decoding((row,), ()))
     maps = read_phase(tmp_path / "phase.npz")
     assert set(maps) == {"row", "sigma_px_y", "modulation_y", "offset"}
     np.testing.assert_array_equal(maps["offset"], row.offset)
@@ -89,7 +89,7 @@ def test_a_gray_code_alone_has_no_phase(tmp_path: Path) -> None:
 
 def test_suffix(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"written as \.npz, got 'phase\.mat'"):
-        write_phase(tmp_path / "phase.mat", ProjectorMap(coded("x", fringes=False), None))
+        write_phase(tmp_path / "phase.mat", Decoding((coded("x", fringes=False),), ()))
 
 
 def save(path: Path, **arrays: Any) -> Path:
@@ -136,11 +136,31 @@ def test_an_archive_larger_than_the_bound(tmp_path: Path, monkeypatch: pytest.Mo
         read_phase(save(tmp_path / "phase.npz", column=np.zeros(SHAPE)))
 
 
+def test_a_member_larger_than_the_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(npz, "MAX_ARRAY_BYTES", 100)
+    with pytest.raises(FormatError, match=r"'column\.npy' must be at most .* GiB, got 0\.0 GiB"):
+        read_phase(save(tmp_path / "phase.npz", column=np.zeros(SHAPE)))
+
+
+def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
+    path = tmp_path / "phase.npz"
+    np.savez_compressed(path, column=np.zeros((400, 400)))
+    with pytest.raises(
+        FormatError, match=r"'column\.npy' must be packed at most 100 times, got 12"
+    ):
+        read_phase(path)
+
+
+def test_only_what_is_asked_for_is_read(tmp_path: Path) -> None:
+    path = save(tmp_path / "phase.npz", column=np.zeros(SHAPE), other=np.array([{}], dtype=object))
+    assert set(read_phase(path)) == {"column"}
+
+
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_spoilt_archives_are_refused_or_read(tmp_path: Path, data: st.DataObject) -> None:
     path = tmp_path / "phase.npz"
-    write_phase(path, ProjectorMap(coded("x", fringes=False), None))
+    write_phase(path, Decoding((coded("x", fringes=False),), ()))
     spoilt = bytearray(path.read_bytes())
     if data.draw(st.booleans()):
         del spoilt[data.draw(st.integers(0, len(spoilt) - 1)) :]

@@ -101,6 +101,29 @@ def test_further_keys_are_kept(tmp_path: Path) -> None:
     assert (tmp_path / "again.json").read_text() == (tmp_path / "rig.json").read_text()
 
 
+def test_number_arrays_stand_on_one_line(tmp_path: Path) -> None:
+    views = [{"name": "a", "camera_px": np.arange(6.0).reshape(3, 2), "left_out": {}}]
+    write_rig(tmp_path / "rig.json", replace(RIG, further={"calibration": {"views": views}}))
+    lines = (tmp_path / "rig.json").read_text().splitlines()
+    assert '    "camera_px": [[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]],' in lines
+    assert '    "left_out": {}' in lines
+    assert len(lines) < 70
+
+
+def test_what_read_would_refuse_for_its_size_is_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    big = replace(RIG, further={"covariance": np.full((100, 100), 1 / 3)})
+    write_rig(tmp_path / "rig.json", big)
+    size = (tmp_path / "rig.json").stat().st_size
+    monkeypatch.setattr("fringeworks.files.rig.MAX_TEXT_BYTES", size)
+    write_rig(tmp_path / "rig.json", big)
+    monkeypatch.setattr("fringeworks.files.rig.MAX_TEXT_BYTES", size - 1)
+    with pytest.raises(UsageError, match=f"must fit into {size - 1} bytes .*, got {size}: "):
+        write_rig(tmp_path / "new.json", big)
+    assert not (tmp_path / "new.json").exists()
+
+
 def document() -> dict[str, Any]:
     device = {"width": 10, "height": 8, "fx": 5.0, "fy": 5, "cx": 4.5, "cy": 3.5}
     still = {"rotation": np.eye(3).tolist(), "translation_mm": [0, 0, 0]}
@@ -194,7 +217,7 @@ def test_refusals(tmp_path: Path, edit: Callable[[dict[str, Any]], None], messag
     [
         ("{", r"not valid JSON: .*line 1 column 2"),
         ("[1, 2]", "must be a JSON object"),
-        ("{}", "format must be 'fringeworks-rig/1', got no such key"),
+        ("{}", "format must be 'fringeworks-rig/1', the key is missing"),
         ('{"format": NaN}', "not valid JSON: NaN is not a number that JSON knows"),
         ("[" * 100_000, "too deeply nested"),
     ],

@@ -184,8 +184,11 @@ STEPS = equal_shifts(3)
 REFUSED_PATTERNS: list[tuple[Pattern, str]] = [
     (Fringe("x", 1.9, STEPS), "period_px must be at least 2 px, got 1.9"),
     (Fringe("x", math.inf, STEPS), "period_px must be at least 2 px, got inf"),
-    (Fringe("x", 16.0, ()), "shifts_rad must be finite, and one at least, got ()"),
-    (Fringe("x", 16.0, (0.0, math.nan)), "shifts_rad must be finite"),
+    (Fringe("x", 16.0, ()), "shifts must be three at least that differ clearly"),
+    (Fringe("x", 16.0, equal_shifts(2)), "modulo 360 degrees, got 2: 0, 180"),
+    (Fringe("x", 16.0, (0.0, 2.0, 2.0 - 2 * math.pi)), "differ clearly modulo 360 degrees, got 3"),
+    (Fringe("x", 16.0, (0.0, 2.0, math.nan)), "differ clearly modulo 360 degrees, got 3"),
+    (Staircase("x", 32.0, 20, equal_shifts(2)), "shifts must be three at least"),
     (GrayCode("x", 5, 16.0), "bits must be 6 to 16 for 608 px in cells of 16 px, got 5"),
     (GrayCode("x", 17, 16.0), "bits must be 6 to 16"),
     (GrayCode("x", 16, 0.5), "cell_px must be at least 1 px, got 0.5"),

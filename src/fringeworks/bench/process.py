@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from fringeworks.bench.metric import Metric
-from fringeworks.files.capture_writing import write_capture
+from fringeworks.files import find_data, write_capture
 from fringeworks.model import Capture, Sensor
 from fringeworks.patterns.presets import make_sequence
 from fringeworks.patterns.render import render_sequence
 
 SIZE = (1280, 1024)
-REAL = Path("real") / "procam-graycode" / "capture_0"
+REAL = ("procam-graycode", "capture_0")
 RUNS, QUICK_RUNS = 5, 2
 LAUNCH = "from fringeworks.cli import main; main()"
 
@@ -44,10 +44,9 @@ def measure_process(*, quick: bool = False) -> list[Metric]:
 
 
 def real_capture() -> Path | None:
-    """The real capture below ``$FRINGEWORKS_DATA``, if there is one."""
-    folder = os.environ.get("FRINGEWORKS_DATA")
-    capture = Path(folder) / REAL if folder else None
-    return capture if capture and capture.is_dir() else None
+    """The real capture, if its set is there."""
+    found = find_data(REAL[0])
+    return None if found is None else found / REAL[1]
 
 
 def _render(folder: Path) -> Path:

@@ -4,28 +4,24 @@ Whatever is wrong with a file is a `FormatError` that names the file and the key
 Every writer replaces its target only when all of it is written.
 """
 
-from fringeworks.files.atomic import replacing
 from fringeworks.files.board import read_board
 from fringeworks.files.capture import read_capture
-from fringeworks.files.capture_writing import describe_capture, write_capture, write_sequence
+from fringeworks.files.capture_writing import write_capture, write_sequence
 from fringeworks.files.cloud import read_cloud, write_cloud
-from fringeworks.files.image_header import ImageHeader, inspect_image
-from fringeworks.files.images import read_image, to_grey, write_image
+from fringeworks.files.data import data_folder, find_data
+from fringeworks.files.images import read_image, write_image
 from fringeworks.files.phase import read_phase, write_phase
 from fringeworks.files.rig import read_rig, write_rig
 
 __all__ = [
-    "ImageHeader",
-    "describe_capture",
-    "inspect_image",
+    "data_folder",
+    "find_data",
     "read_board",
     "read_capture",
     "read_cloud",
     "read_image",
     "read_phase",
     "read_rig",
-    "replacing",
-    "to_grey",
     "write_capture",
     "write_cloud",
     "write_image",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -9,24 +10,29 @@ from pathlib import Path
 
 from fringeworks.errors import FormatError
 
+MAX_SUFFIX = 32
+"""Longest suffix of a temporary name, which has to fit into 255 bytes."""
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path in the folder of `path` that becomes `path` when the block succeeds.
 
     Missing parent folders are made. The temporary name keeps the suffix of `path`; if the block
-    fails it is removed and whatever was at `path` stays.
+    fails it is removed and whatever was at `path` stays. Where `path` is a link, the file that it
+    points to is replaced and the link stays.
 
     Raises
     ------
     FormatError
         The operating system refuses (no permission, disk full, `path` is a folder).
     """
-    temporary = path.with_name(f".{path.stem}.{uuid.uuid4().hex}{path.suffix}")
+    target = Path(os.path.realpath(path))
+    temporary = target.with_name(f".{uuid.uuid4().hex}{path.suffix[:MAX_SUFFIX]}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        target.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
-        temporary.replace(path)
+        temporary.replace(target)
     except OSError as error:
         _discard(temporary)
         raise FormatError(f"{path}: cannot be written ({error.strerror or error})") from error

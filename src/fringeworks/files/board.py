@@ -13,8 +13,9 @@ from fringeworks.model.board import CheckerboardTarget
 
 PLANNED_KINDS = ("charuco", "circles")
 
-Pitch = Annotated[float, Field(gt=0, le=1e5)]
-Corners = Annotated[int, Field(ge=2, le=1000)]
+MIN_PITCH_MM, MAX_PITCH_MM = 0.1, 10_000.0
+
+Corners = Annotated[int, Field(ge=3, le=1000)]
 
 
 class CheckerboardFile(Table):
@@ -23,9 +24,9 @@ class CheckerboardFile(Table):
     kind: Literal["checkerboard"]
     columns: Corners
     rows: Corners
-    square_mm: Pitch | None = None
-    pitch_x_mm: Pitch | None = None
-    pitch_y_mm: Pitch | None = None
+    square_mm: float | None = None
+    pitch_x_mm: float | None = None
+    pitch_y_mm: float | None = None
     pitch_sigma_mm: Annotated[float, Field(ge=0)] | None = None
     cte_per_k: Annotated[float, Field(ge=-1e-2, le=1e-2)] | None = None
     temperature_c: Annotated[float, Field(ge=-273.15)] | None = None
@@ -64,6 +65,13 @@ def _check_kind(document: dict[str, Any], path: Path) -> None:
 
 
 def _pitch(board: CheckerboardFile, path: Path) -> tuple[float, float]:
+    for key in ("square_mm", "pitch_x_mm", "pitch_y_mm"):
+        value = getattr(board, key)
+        if value is not None and not MIN_PITCH_MM <= value <= MAX_PITCH_MM:
+            hint = "; is it in metres?" if 0 < value < MIN_PITCH_MM else ""
+            raise FormatError(
+                f"{path}: {key} must be {MIN_PITCH_MM:g} to {MAX_PITCH_MM:g}, got {value:g}{hint}"
+            )
     both = (board.pitch_x_mm, board.pitch_y_mm)
     if board.square_mm is not None and both == (None, None):
         return board.square_mm, board.square_mm

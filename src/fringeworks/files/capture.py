@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from collections.abc import Sequence as Items
 from pathlib import Path
 from typing import Any
@@ -14,16 +16,17 @@ from fringeworks.files.capture_images import (
     ImageFile,
     check_memory,
     decode_stacks,
+    equal_frames,
     inspect_images,
     locate_images,
 )
 from fringeworks.files.capture_schema import CAPTURE_FORMAT, CameraTable, CaptureFile
 from fringeworks.files.images import decode_image
-from fringeworks.files.validation import read_toml, shorten, suggest, validated
+from fringeworks.files.validation import check_format, read_toml, validated
 from fringeworks.model.capture import Capture, Frames, Sensor
 from fringeworks.model.finding import Finding
 from fringeworks.model.progress import Progress, no_progress
-from fringeworks.model.sequence import Colour, PatternSet, Sequence, Uniform
+from fringeworks.model.sequence import Colour, Fringe, GrayCode, Pattern, PatternSet, Sequence
 
 CAPTURE_TOML = "capture.toml"
 
@@ -39,7 +42,7 @@ def read_capture(
     Everything cheap is checked first, for all groups: the description, that each image exists
     inside the folder, its header. Only then are the images of `group` (None: the first there
     is) decoded, 8 or 16 bit, as they are in the file; colour becomes its luma, and the colour of
-    the white frame is kept. `progress` wraps the iteration over images.
+    the white set (`Sequence.white_set`) is kept. `progress` wraps the iteration over images.
 
     Raises
     ------
@@ -67,18 +70,20 @@ def read_capture(
         sensor=sensor,
         colour=_white_colour(used_sequence, used),
         name=folder.resolve().name,
-        findings=(*notice_spare_bits(file), *_notice_images(used, file, chosen), *found),
+        findings=(
+            *notice_spare_bits(file),
+            *_notice_images(used, file, chosen),
+            *_notice_equal_frames(frames, file, chosen),
+            *found,
+            *_notice_half_noise(file.camera),
+        ),
         provenance=file.provenance,
     )
 
 
 def parse_capture(document: dict[str, Any], path: Path) -> CaptureFile:
     """A parsed ``capture.toml``, checked in itself; no image is looked at."""
-    given = document.get("format")
-    if given != CAPTURE_FORMAT:
-        what = "the key is missing" if given is None else f"got {shorten(given)}"
-        hint = "" if "format" in document else suggest("format", document)
-        raise FormatError(f"{path}: format must be '{CAPTURE_FORMAT}', {what}{hint}")
+    check_format(document, CAPTURE_FORMAT, path)
     file = validated(CaptureFile, document, path)
     check_sets(file, path)
     return file
@@ -157,15 +162,11 @@ def _brightest(frames: Items[Frames]) -> int:
 
 
 def _white_colour(sequence: Sequence, images: Items[Items[ImageFile]]) -> Frames | None:
-    """RGB of the brightest uniform frame where the camera saw colour."""
-    whites = [
-        (item.pattern.level, row[0])
-        for item, row in zip(sequence.sets, images, strict=True)
-        if isinstance(item.pattern, Uniform) and item.pattern.level > 0 and row[0].header.is_colour
-    ]
-    if not whites:
+    """RGB of the white set's first image where the camera saw colour."""
+    white = sequence.white_set
+    if white is None or not images[white][0].header.is_colour:
         return None
-    image = max(whites, key=lambda white: white[0])[1]
+    image = images[white][0]
     colour = decode_image(image.path, image.header)
     grey = np.array_equal(colour[..., 0], colour[..., 1]) and np.array_equal(
         colour[..., 0], colour[..., 2]
@@ -197,3 +198,35 @@ def _notice_images(
             what = f"{place(index, file.set[index])}: kept as grey, colour decoding is planned."
             found.append(Finding("note", what))
     return found
+
+
+def _notice_equal_frames(
+    frames: Items[Frames], file: CaptureFile, chosen: Items[int]
+) -> Iterator[Finding]:
+    """A warning for each pair of equal frames where a fringe or Gray set shows different ones."""
+    for stack, index in zip(frames, chosen, strict=True):
+        item = file.set[index]
+        names, shown = item.all_images(), _shown(item.pattern(), len(stack) // item.repeats)
+        for one, other in equal_frames(
+            stack, [what for what in shown for _ in range(item.repeats)]
+        ):
+            message = f"{place(index, item)}: {names[one]} and {names[other]} are the same image."
+            yield Finding("warning", message, "Was one copied over the other? Record it again.")
+
+
+def _shown(pattern: Pattern, count: int) -> list[float]:
+    """A number per frame; equal where frames may be equal, as those of no code may all be."""
+    if isinstance(pattern, Fringe):
+        return [round(math.degrees(shift) % 360, 6) % 360 for shift in pattern.shifts_rad]
+    return (
+        [float(index) for index in range(count)] if isinstance(pattern, GrayCode) else [0] * count
+    )
+
+
+def _notice_half_noise(camera: CameraTable) -> Iterator[Finding]:
+    given = {"gain": camera.gain, "read_noise": camera.read_noise}
+    missing = [key for key, value in given.items() if value is None]
+    if len(missing) == 1:
+        message = f"{missing[0]} is not given: gain and read_noise are both needed, so the noise "
+        message += "is estimated from the images instead."
+        yield Finding("note", message, f"Set {missing[0]} in [camera].")

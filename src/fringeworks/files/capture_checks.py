@@ -5,14 +5,11 @@ Each check yields sentences, so that one reading tells everything that is wrong.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
-import numpy as np
-
-from fringeworks.errors import FormatError
+from fringeworks.errors import FormatError, UsageError
 from fringeworks.files.capture_schema import (
     CaptureFile,
     CodewordSet,
@@ -24,10 +21,8 @@ from fringeworks.files.capture_schema import (
 )
 from fringeworks.files.validation import format_problems
 from fringeworks.model.finding import Finding
-from fringeworks.model.sequence import gray_bits, pixel_on_edge
-
-MIN_CONDITION = 1e-3
-"""Smallest over largest singular value of the shifts' design matrix that is still solvable."""
+from fringeworks.model.sequence import gray_bits
+from fringeworks.patterns.checks import check_coding, has_carrier
 
 
 def check_sets(file: CaptureFile, path: Path) -> None:
@@ -94,9 +89,44 @@ def _check_gray_counts(item: GraySet) -> Iterator[str]:
 
 
 def _check_duplicates(item: ImageSet, _: CaptureFile) -> Iterator[str]:
-    twice = [name for name, count in Counter(item.all_images()).items() if count > 1]
-    if twice:
-        yield f"image '{twice[0]}' is used {item.all_images().count(twice[0])} times"
+    for name, count in Counter(_names(item)).items():
+        if count > 1:
+            yield f"image '{name}' is used {count} times"
+            return
+
+
+def _names(item: ImageSet) -> list[str]:
+    """Image names, in the one way of writing that all ways to one file share."""
+    return [str(PurePosixPath(name)) for name in item.all_images()]
+
+
+def _check_shared(item: ImageSet, file: CaptureFile) -> Iterator[str]:
+    """An image that two sets decode would be two patterns at once."""
+    mine = _names(item)
+    for index, other in _earlier(item, file):
+        shared = set(mine) & set(_names(other)) if isinstance(other, _CODED) else ()
+        if shared:
+            name = min(shared, key=mine.index)
+            yield f"image '{name}' is in {place(index, other)} as well, which shows another pattern"
+
+
+def _check_gray_twice(item: ImageSet, file: CaptureFile) -> Iterator[str]:
+    assert isinstance(item, GraySet)
+    for index, other in _earlier(item, file):
+        if isinstance(other, GraySet) and (other.axis, other.cell_px) == (item.axis, item.cell_px):
+            yield (
+                f"Gray codes with axis '{item.axis}', cell_px = {item.cell_px:g} stand twice in "
+                f"one group, here and in {place(index, other)}; give them different groups"
+            )
+
+
+def _earlier(item: ImageSet, file: CaptureFile) -> Iterator[tuple[int, ImageSet]]:
+    """Sets before this one, with their index, that are decoded together with it."""
+    for index, other in enumerate(file.set):
+        if other is item:
+            return
+        if other.group == item.group or None in (other.group, item.group):
+            yield index, other
 
 
 def _check_timestamps(item: ImageSet, _: CaptureFile) -> Iterator[str]:
@@ -105,19 +135,14 @@ def _check_timestamps(item: ImageSet, _: CaptureFile) -> Iterator[str]:
         yield f"timestamps_s must be one per image, {images}, got {len(given)}"
 
 
-def _check_shifts(item: ImageSet, _: CaptureFile) -> Iterator[str]:
-    """N >= 3 shifts that separate offset, cosine and sine."""
-    assert isinstance(item, FringeSet | StaircaseSet)
-    shifts = np.radians(item.shifts_deg)
-    if len(shifts) < 3:
-        yield f"shifts_deg must be at least 3 shifts, got {len(shifts)}"
-        return
-    design = np.stack([np.ones_like(shifts), np.cos(shifts), np.sin(shifts)], axis=1)
-    values = np.linalg.svd(design, compute_uv=False)
-    if values[-1] < MIN_CONDITION * values[0]:
-        yield (
-            f"shifts_deg must hold three that differ clearly modulo 360, got {item.shifts_deg[:12]}"
-        )
+def _check_coding(item: ImageSet, file: CaptureFile) -> Iterator[str]:
+    """What `patterns` refuses to draw could not be decoded either: its rules, in its words."""
+    try:
+        check_coding(item.pattern(), width=file.projector.width, height=file.projector.height)
+    except UsageError as error:
+        few = isinstance(item, GraySet) and _bits(item) < _needed_bits(item, file.projector)
+        hint = "; are images missing, or is projector size or cell_px wrong?" if few else ""
+        yield f"{error}{hint}"
 
 
 def _bits(item: GraySet) -> int:
@@ -132,74 +157,11 @@ def _extent(axis: str, projector: ProjectorTable) -> int:
     return projector.width if axis == "x" else projector.height
 
 
-def _check_bits(item: ImageSet, file: CaptureFile) -> Iterator[str]:
-    assert isinstance(item, GraySet)
-    bits, needed = _bits(item), _needed_bits(item, file.projector)
-    if bits < needed:
-        yield (
-            f"{bits} bits of {item.cell_px:g} px cells cover {2**bits * item.cell_px:g} px, but "
-            f"the projector has {_extent(item.axis, file.projector)} along {item.axis}: "
-            f"{needed} bits are needed; are images missing, or is projector size or cell_px wrong?"
-        )
-
-
-def _check_gray_edges(item: ImageSet, file: CaptureFile) -> Iterator[str]:
-    assert isinstance(item, GraySet)
-    step = item.cell_px if item.complementary is None else item.cell_px / 2
-    extent = _extent(item.axis, file.projector)
-    met = pixel_on_edge(extent, step)
-    if met is not None:
-        kind = "cells" if item.complementary is None else "half cells (complementary)"
-        yield (
-            f"{kind} of {step:g} px put an edge on the pixel centre {item.axis} = {met}; "
-            f"use a cell_px that is a whole{'' if item.complementary is None else ', even'} number"
-        )
-
-
-def _check_code_edges(item: ImageSet, file: CaptureFile) -> Iterator[str]:
-    """Codewords change half a period from zero: an odd period changes on a pixel centre."""
-    assert isinstance(item, CodewordSet)
-    extent = _extent(item.axis, file.projector)
-    met = pixel_on_edge(extent, item.period_px, edge_px=item.zero_px + item.period_px / 2)
-    if met is not None:
-        yield (
-            f"period_px = {item.period_px:g} with zero_px = {item.zero_px:g} changes codeword on "
-            f"the pixel centre {item.axis} = {met}; use an even period and zero_px = -0.5"
-        )
-
-
-def _check_code_sequence(item: ImageSet, file: CaptureFile) -> Iterator[str]:
-    assert isinstance(item, CodewordSet)
-    if item.sequence is None:
-        return
-    last = len(item.codewords_px) - 1
-    wrong = [index for index in item.sequence if not 0 <= index <= last]
-    if wrong:
-        yield f"sequence must be indices into codewords_px, 0 to {last}, got {wrong[0]}"
-    orders = [_order(item, 0), _order(item, _extent(item.axis, file.projector) - 1)]
-    if orders[0] < 0:
-        yield f"sequence starts at fringe order 0, but zero_px = {item.zero_px:g} makes lower ones"
-    elif orders[1] >= len(item.sequence):
-        yield (
-            f"sequence must give a codeword for each fringe order, 0 to {orders[1]}, "
-            f"got {len(item.sequence)} entries"
-        )
-
-
-def _order(item: CodewordSet, pixel: int) -> int:
-    """Fringe k spans phases in (2 pi k - pi, 2 pi k + pi]."""
-    return math.ceil((pixel - item.zero_px) / item.period_px - 0.5)
-
-
 def _check_code_fringes(item: ImageSet, file: CaptureFile) -> Iterator[str]:
     assert isinstance(item, CodewordSet)
     for group in _groups_of(item, file):
-        fringes = [
-            other
-            for other in file.set
-            if isinstance(other, FringeSet) and other.group in (None, group)
-        ]
-        if not any(_carries(fringe, item) for fringe in fringes):
+        shown = (other.pattern() for other in file.set if other.group in (None, group))
+        if not has_carrier(item.pattern(), shown):
             within = f" in group '{group}'" if group is not None else ""
             yield (
                 "the code frame is read along the wrapped phase of fringes with "
@@ -215,20 +177,18 @@ def _groups_of(item: ImageSet, file: CaptureFile) -> list[str | None]:
     return list(dict.fromkeys(one.group for one in file.set if one.group is not None)) or [None]
 
 
-def _carries(fringe: FringeSet, code: CodewordSet) -> bool:
-    return (
-        fringe.axis == code.axis
-        and math.isclose(fringe.period_px, code.period_px, rel_tol=1e-9)
-        and math.isclose(fringe.zero_px, code.zero_px, abs_tol=1e-9)
-    )
-
-
 Check = Callable[[ImageSet, CaptureFile], Iterator[str]]
 
-_OF_EVERY_SET: tuple[Check, ...] = (_check_counts, _check_duplicates, _check_timestamps)
+_OF_EVERY_SET: tuple[Check, ...] = (
+    _check_counts,
+    _check_duplicates,
+    _check_timestamps,
+    _check_coding,
+)
+_CODED = (FringeSet, GraySet, CodewordSet, StaircaseSet)
 _OF_KIND: dict[type[ImageSet], tuple[Check, ...]] = {
-    FringeSet: (_check_shifts,),
-    StaircaseSet: (_check_shifts,),
-    GraySet: (_check_bits, _check_gray_edges),
-    CodewordSet: (_check_code_edges, _check_code_sequence, _check_code_fringes),
+    FringeSet: (_check_shared,),
+    GraySet: (_check_shared, _check_gray_twice),
+    CodewordSet: (_check_shared, _check_code_fringes),
+    StaircaseSet: (_check_shared,),
 }

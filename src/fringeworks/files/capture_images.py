@@ -7,7 +7,8 @@ milliseconds and not after a minute.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -160,3 +161,20 @@ def _run_all(work: Callable[[Item], None], jobs: Sequence[Item], progress: Progr
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+
+
+def equal_frames(stack: Frames, shown: Sequence[float]) -> Iterator[tuple[int, int]]:
+    """Pairs of frames that are equal pixel for pixel, though they show different things.
+
+    `shown` has a number per frame, equal where frames show the same. Frames of one grey level
+    all over are left out: spare bits of a Gray code are dark everywhere.
+    """
+    first: dict[int, int] = {}
+    for index, frame in enumerate(stack):
+        earlier = first.setdefault(zlib.crc32(frame), index)
+        if (
+            shown[earlier] != shown[index]
+            and np.array_equal(stack[earlier], frame)
+            and frame.min() != frame.max()
+        ):
+            yield earlier, index

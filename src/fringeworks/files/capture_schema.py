@@ -10,7 +10,8 @@ import math
 from collections.abc import Sequence as Items
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
 
 from fringeworks.files.validation import Table
 from fringeworks.model.capture import Sensor
@@ -41,6 +42,13 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Name = Annotated[str, Field(min_length=1)]
 Images = Annotated[list[str], Field(min_length=1)]
+
+
+def _names(given: object) -> object:
+    """One name as a list of it."""
+    if not isinstance(given, str | list):
+        raise PydanticCustomError("names", "must be an image name or a list of them")
+    return [given] if isinstance(given, str) else given
 
 
 class ImageSet(Table):
@@ -81,11 +89,9 @@ class GraySet(ImageSet):
     axis: Axis
     cell_px: Cell
     inverted: Images | None = None
-    complementary: str | Images | None = None
+    complementary: Annotated[Images, BeforeValidator(_names)] | None = None
 
     def complementary_images(self) -> list[str]:
-        if isinstance(self.complementary, str):
-            return [self.complementary]
         return self.complementary or []
 
     def all_images(self) -> list[str]:
@@ -208,8 +214,8 @@ class CameraTable(Table):
 
     full_scale: Annotated[float, Field(gt=0, le=65535)] | None = None
     black_level: NotNegative = 0.0
-    gain: Positive | None = None
-    read_noise: NotNegative | None = None
+    gain: Annotated[float, Field(gt=0, le=65535)] | None = None
+    read_noise: Annotated[float, Field(ge=0, le=65535)] | None = None
     temperature_c: float | None = None
 
     def sensor(self, full_scale: float) -> Sensor:

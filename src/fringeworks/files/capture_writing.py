@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from collections.abc import Sequence as Items
 from dataclasses import asdict
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Any
 
 import tomlkit
 
-from fringeworks.errors import FormatError, UsageError
+from fringeworks.errors import FormatError, ShapeError, UsageError
 from fringeworks.files.atomic import write_text
 from fringeworks.files.capture import CAPTURE_TOML, parse_capture
 from fringeworks.files.capture_schema import CAPTURE_FORMAT
@@ -57,8 +57,8 @@ def write_capture(
 ) -> Path:
     """Write a capture's PNG images and ``capture.toml`` into `folder`; see `write_sequence`.
 
-    The colour of the white frame, where there is one, stands in the file of the brightest
-    uniform set.
+    The colour, where there is one, stands in the first file of the white set
+    (`Sequence.white_set`), and nowhere without one.
     """
     return write_sequence(
         capture.sequence,
@@ -93,19 +93,35 @@ def write_sequence(
     UsageError
         `folder` holds a capture and `overwrite` is False, or the sequence is one that
         `read_capture` would refuse.
+    ShapeError
+        There are more or fewer stacks than sets, or a stack has not the set's number of images.
+        What was written until then has no ``capture.toml``.
     FormatError
         A file cannot be written.
     """
     target = Path(folder) / CAPTURE_TOML
     text = describe_capture(sequence, sensor=sensor, provenance=provenance)
     _clear(target, overwrite=overwrite)
-    names = iter(frame_names(sequence))
-    sources = iter(stacks)
-    for _ in (progress or no_progress)(sequence.sets, "writing images"):
-        for name, image in zip(next(names), next(sources), strict=True):
+    names, sources = frame_names(sequence), iter(stacks)
+    for place in (progress or no_progress)(range(len(names)), "writing images"):
+        images = _next_images(sources, place, expected=len(names[place]), sets=len(names))
+        for name, image in zip(names[place], images, strict=True):
             write_image(target.parent / name, image)
+    if next(sources, None) is not None:
+        raise ShapeError(f"stacks must hold one per set, {len(names)}, got more")
     write_text(target, text)
     return target
+
+
+def _next_images(
+    sources: Iterator[Items[Frames]], place: int, *, expected: int, sets: int
+) -> Items[Frames]:
+    images = next(sources, None)
+    if images is None:
+        raise ShapeError(f"stacks must hold one per set, {sets}, got {place}")
+    if len(images) != expected:
+        raise ShapeError(f"stack {place + 1} must hold {expected} images, got {len(images)}")
+    return images
 
 
 def describe_capture(
@@ -159,16 +175,11 @@ def _clear(target: Path, *, overwrite: bool) -> None:
 
 
 def _images(capture: Capture) -> list[list[Frames]]:
-    """All frames; that of the brightest uniform set in colour where there is one."""
+    """All frames; the white set's first one in colour where there is one."""
     images = [list(stack) for _, stack in capture]
-    levels = [
-        (item.pattern.level, index)
-        for index, item in enumerate(capture.sequence.sets)
-        if isinstance(item.pattern, Uniform)
-    ]
-    if capture.colour is not None and levels:
-        brightest = max(levels, key=lambda level: (level[0], -level[1]))[1]
-        images[brightest][0] = capture.colour
+    white = capture.sequence.white_set
+    if capture.colour is not None and white is not None:
+        images[white][0] = capture.colour
     return images
 
 

@@ -20,10 +20,12 @@ from fringeworks.model.cloud import Cloud
 PLANNED_SUFFIXES = (".pcd", ".e57", ".stl", ".glb", ".obj")
 UNKNOWN_FRAME = "unknown"
 
+WHITE_PERCENTILE = 99.5
+"""Of deep grey levels, what becomes 255 in 8 bit: one glint does not darken the rest."""
+
 Handler = TypeVar("Handler")
 
 _FRAME = "frame "
-_WHITES = (255, 1023, 4095, 16383, 65535)
 _LUMA = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601
 
 
@@ -32,7 +34,8 @@ def write_cloud(path: str | Path, cloud: Cloud) -> None:
 
     ``.npz`` keeps everything, organised. ``.ply`` (binary little endian) has the valid points
     with normals (0 0 0 where the grid gives none), 8 bit colour and sigma, and names its frame
-    in a comment; ``.xyz`` is text, x y z in mm, one point a line.
+    in a comment; deeper levels are scaled so that their 99.5 percentile is 255. ``.xyz`` is text,
+    x y z in mm, one point a line.
 
     Raises
     ------
@@ -85,8 +88,11 @@ def _write_npz(path: Path, cloud: Cloud) -> None:
     write_npz(path, arrays)
 
 
+_ARRAYS = ("xyz", "sigma_mm", "intensity", "epipolar_px", "frame", "colour")
+
+
 def _read_npz(path: Path) -> Cloud:
-    arrays = read_npz(path)
+    arrays = read_npz(path, _ARRAYS)
     if "xyz" not in arrays:
         raise FormatError(f"{path}: holds no xyz; is it a cloud?")
     shape = arrays["xyz"].shape
@@ -136,7 +142,7 @@ def _write_ply(path: Path, cloud: Cloud) -> None:
     valid = cloud.valid
     vertices = np.zeros(int(valid.sum()), dtype=VERTEX)
     normals = np.nan_to_num(grid_normals(cloud.xyz)[valid])
-    colours = _eight_bit(cloud)[valid]
+    colours = _eight_bit(cloud)
     for column, letter in enumerate("xyz"):
         vertices[letter] = cloud.xyz[valid][:, column]
         vertices["n" + letter] = normals[:, column]
@@ -149,13 +155,16 @@ def _write_ply(path: Path, cloud: Cloud) -> None:
 
 
 def _eight_bit(cloud: Cloud) -> NDArray[np.uint8]:
-    """``(H, W, 3)`` RGB: the colour, else the grey of the intensity; 16 bit scaled to 8."""
+    """RGB ``(n, 3)`` of the valid points: the colour, else the grey of the intensity.
+
+    Levels scale by 255 over their `WHITE_PERCENTILE` where that lies above 255; 8 bit stays as it
+    is. So colours follow the levels steadily, whatever the sensor's depth.
+    """
     if cloud.colour is not None:
-        levels = cloud.colour.astype(np.float32)
+        levels = cloud.colour[cloud.valid].astype(np.float32)
     else:
-        levels = np.repeat(np.nan_to_num(cloud.intensity)[..., None], 3, axis=-1)
-    brightest = float(levels.max(initial=0))
-    white = next((white for white in _WHITES if white >= brightest), _WHITES[-1])
+        levels = np.repeat(np.nan_to_num(cloud.intensity[cloud.valid])[:, None], 3, axis=-1)
+    white = max(255.0, float(np.percentile(levels, WHITE_PERCENTILE)) if levels.size else 0.0)
     scaled: NDArray[np.uint8] = np.rint(np.clip(levels * (255 / white), 0, 255)).astype(np.uint8)
     return scaled
 

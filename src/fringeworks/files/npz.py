@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -17,6 +17,12 @@ from fringeworks.files.atomic import replacing
 MAX_ARCHIVE_BYTES = 8 * 2**30
 """Largest sum of unpacked arrays that is read."""
 
+MAX_ARRAY_BYTES = 4 * 2**30
+"""Largest single array, unpacked."""
+
+MAX_RATIO = 100
+"""Strongest compression that is unpacked; our own arrays are stored as they are."""
+
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -26,32 +32,45 @@ def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         np.savez(file, allow_pickle=False, **arrays)
 
 
-def read_npz(path: Path) -> Arrays:
-    """All arrays of an archive by name.
+def read_npz(path: Path, names: Collection[str]) -> Arrays:
+    """The arrays of these names that an archive has; others are not looked at.
 
     Raises
     ------
     FormatError
-        Missing, not an archive of arrays, damaged, or larger than `MAX_ARCHIVE_BYTES`.
+        Missing, not an archive of arrays, damaged, or more is asked for than `MAX_ARCHIVE_BYTES`
+        in all, `MAX_ARRAY_BYTES` in one array, or packed more tightly than `MAX_RATIO`.
     """
     if not path.is_file():
         raise FormatError(f"{path}: no such file")
     # zipfile, zlib and numpy raise a dozen types on damaged files; all mean the same.
     try:
         with zipfile.ZipFile(path) as archive:
-            _check_sizes(path, archive)
-            return {
-                entry.filename.removesuffix(".npy"): _read_array(path, archive, entry)
+            entries = {
+                name: entry
                 for entry in archive.infolist()
+                if (name := entry.filename.removesuffix(".npy")) in names
             }
+            _check_sizes(path, entries.values())
+            return {name: _read_array(path, archive, entry) for name, entry in entries.items()}
     except FormatError:
         raise
     except Exception as error:
         raise FormatError(f"{path}: not a readable .npz archive ({error})") from error
 
 
-def _check_sizes(path: Path, archive: zipfile.ZipFile) -> None:
-    total = sum(entry.file_size for entry in archive.infolist())
+def _check_sizes(path: Path, entries: Collection[zipfile.ZipInfo]) -> None:
+    for entry in entries:
+        if entry.file_size > MAX_ARRAY_BYTES:
+            size = f"{entry.file_size / 2**30:.1f} GiB"
+            limit = f"{MAX_ARRAY_BYTES / 2**30:g} GiB"
+            raise FormatError(f"{path}: '{entry.filename}' must be at most {limit}, got {size}")
+        if entry.file_size > MAX_RATIO * entry.compress_size:
+            raise FormatError(
+                f"{path}: '{entry.filename}' must be packed at most {MAX_RATIO} times, got "
+                f"{entry.file_size} bytes in {entry.compress_size}"
+            )
+    total = sum(entry.file_size for entry in entries)
     if total > MAX_ARCHIVE_BYTES:
         raise FormatError(f"{path}: {total / 2**30:.1f} GiB of arrays are more than is read")
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fringeworks.errors import FormatError, UsageError
 from fringeworks.files.npz import Arrays, read_npz, write_npz
-from fringeworks.model.phase import CodedAxis, ProjectorMap, WrappedPhase
+from fringeworks.model.phase import CodedAxis, WrappedPhase
 
 if TYPE_CHECKING:
     from fringeworks.phase.decode import Decoding
@@ -18,8 +18,18 @@ if TYPE_CHECKING:
 COORDINATES = {"x": "column", "y": "row"}
 WRAPPED = ("wrapped_x", "wrapped_y")
 
+_MAPS = (
+    *COORDINATES.values(),
+    "offset",
+    *(
+        f"{name}_{axis}"
+        for name in ("sigma_px", "modulation", "wrapped", "order", "margin")
+        for axis in COORDINATES
+    ),
+)
 
-def write_phase(path: str | Path, phases: ProjectorMap | Decoding) -> None:
+
+def write_phase(path: str | Path, decoding: Decoding) -> None:
     """Write the maps of all coded axes, ``(H, W)`` each; atomic.
 
     Per axis: ``column`` (x) or ``row`` (y), projector px; ``sigma_px_x``; ``modulation_x``, grey
@@ -27,7 +37,7 @@ def write_phase(path: str | Path, phases: ProjectorMap | Decoding) -> None:
     -1 where void; a true -1, left of `zero_px`, has a finite margin) and ``margin_x``.
     ``offset``, grey levels, is that of the first axis. NaN where void.
 
-    An axis of a `Decoding` whose orders nothing tells has its finest fringes' ``wrapped_x``,
+    An axis whose orders nothing tells has its finest fringes' ``wrapped_x``,
     ``modulation_x`` and ``sigma_px_x`` alone.
 
     Raises
@@ -40,25 +50,16 @@ def write_phase(path: str | Path, phases: ProjectorMap | Decoding) -> None:
     path = Path(path)
     if path.suffix.lower() != ".npz":
         raise UsageError(f"phases are written as .npz, got '{path.name}'")
-    coded, relative = _parts(phases)
-    offsets = [axis.offset for axis in coded] + [wrapped.offset for wrapped in relative]
+    relative = [wrapped for wrapped, _ in decoding.relative]
+    offsets = [coded.offset for coded in decoding.coded] + [fringe.offset for fringe in relative]
     if not offsets:
         raise UsageError("there is no axis to write: the capture codes none")
     arrays: Arrays = {"offset": offsets[0]}
-    for axis in coded:
+    for axis in decoding.coded:
         arrays.update(_axis_arrays(axis))
     for wrapped in relative:
         arrays.update(_relative_arrays(wrapped))
     write_npz(path, arrays)
-
-
-def _parts(
-    phases: ProjectorMap | Decoding,
-) -> tuple[tuple[CodedAxis, ...], tuple[WrappedPhase, ...]]:
-    """Axes with a coordinate, and finest fringes of those without."""
-    if isinstance(phases, ProjectorMap):
-        return phases.axes, ()
-    return phases.coded, tuple(wrapped for wrapped, _ in phases.relative)
 
 
 def _relative_arrays(wrapped: WrappedPhase) -> Arrays:
@@ -95,7 +96,7 @@ def read_phase(path: str | Path) -> dict[str, NDArray[Any]]:
         shapes.
     """
     path = Path(path)
-    arrays = read_npz(path)
+    arrays = read_npz(path, _MAPS)
     coordinates = [name for name in (*COORDINATES.values(), *WRAPPED) if name in arrays]
     if not coordinates:
         raise FormatError(f"{path}: holds neither column nor row; is it a file of `decode`?")

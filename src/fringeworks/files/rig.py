@@ -18,7 +18,7 @@ from fringeworks.files.rig_schema import (
     DeviceTable,
     RigFile,
 )
-from fringeworks.files.validation import read_text, shorten, validated
+from fringeworks.files.validation import MAX_TEXT_BYTES, check_format, read_text, shorten, validated
 from fringeworks.geometry.pose import compose_poses
 from fringeworks.model.rig import Camera, Lens, Pose, Projector, Quality, Rig
 
@@ -43,9 +43,7 @@ def read_rig(path: str | Path) -> Rig:
 
 
 def _parse(document: dict[str, Any], path: Path) -> Rig:
-    if document.get("format") != RIG_FORMAT:
-        given = shorten(document["format"]) if "format" in document else "no such key"
-        raise FormatError(f"{path}: format must be '{RIG_FORMAT}', got {given}")
+    check_format(document, RIG_FORMAT, path)
     file = validated(RigFile, document, path)
     camera, projector = _one(file, "camera", path), _one(file, "projector", path)
     camera_from_rig = _pose(camera, path)
@@ -69,19 +67,39 @@ def write_rig(path: str | Path, rig: Rig) -> None:
     Raises
     ------
     UsageError
-        `Rig.further` has a key that is not one of the format's, or a value JSON cannot hold.
+        `Rig.further` has a key that is not one of the format's, a value JSON cannot hold, or more
+        than `read_rig` would read.
     FormatError
         The file cannot be written.
     """
     path = Path(path)
     try:
-        text = json.dumps(_describe(rig), indent=1, allow_nan=False)
+        text = _lay_out(_describe(rig)) + "\n"
         _parse(json.loads(text), path)
     except FormatError as error:
         raise UsageError(f"this rig could not be read back: {error}") from None
     except (TypeError, ValueError) as error:
         raise UsageError(f"this rig cannot be written as JSON: {error}") from error
-    write_text(path, text + "\n")
+    size = len(text.encode())
+    if size > MAX_TEXT_BYTES:
+        raise UsageError(
+            f"rig.further must fit into {MAX_TEXT_BYTES} bytes of JSON with the rig, got {size}: "
+            "calibrate from fewer views, or with fewer corners"
+        )
+    write_text(path, text)
+
+
+def _lay_out(value: Any, indent: str = "") -> str:
+    """JSON with a key a line, and every list that holds no table on one line."""
+    inner, (opened, closed) = indent + " ", "[]" if isinstance(value, list) else "{}"
+    if isinstance(value, dict) and value:
+        items = [f"{json.dumps(str(key))}: {_lay_out(item, inner)}" for key, item in value.items()]
+    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        items = [_lay_out(item, inner) for item in value]
+    else:
+        return json.dumps(value, allow_nan=False)
+    lines = ",\n".join(inner + item for item in items)
+    return f"{opened}\n{lines}\n{indent}{closed}"
 
 
 def _describe(rig: Rig) -> dict[str, Any]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import re
+import stat
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -14,6 +16,9 @@ from fringeworks.errors import FormatError
 
 MAX_TEXT_BYTES = 16 * 2**20
 """Largest description that is read; a capture.toml of a thousand images has 0.1 MB."""
+
+MAX_KEY_PARTS = 100
+"""Most dotted parts of a TOML key; tomllib takes time with the square of their number."""
 
 SHOWN = 5
 """How many of several equal complaints a message lists."""
@@ -31,9 +36,13 @@ class Table(BaseModel):
 def read_text(path: Path) -> str:
     """A small UTF-8 text file, with or without byte order mark."""
     try:
-        if path.stat().st_size > MAX_TEXT_BYTES:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise FormatError(f"{path}: not a regular file; is it a folder or a device?")
+        with path.open("rb") as file:
+            data = file.read(MAX_TEXT_BYTES + 1)
+        if len(data) > MAX_TEXT_BYTES:
             raise FormatError(f"{path}: larger than {MAX_TEXT_BYTES} bytes; is it the right file?")
-        return path.read_bytes().decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except OSError as error:
         raise FormatError(f"{path}: cannot be read ({error.strerror or error})") from error
     except UnicodeDecodeError as error:
@@ -42,12 +51,41 @@ def read_text(path: Path) -> str:
 
 def read_toml(path: Path) -> dict[str, Any]:
     """A TOML file as plain Python values; syntax errors name the line."""
+    text = read_text(path)
+    _check_keys(text, path)
     try:
-        return tomllib.loads(read_text(path))
+        return tomllib.loads(text)
     except RecursionError:
         raise FormatError(f"{path}: not valid TOML: too deeply nested") from None
     except ValueError as error:  # TOMLDecodeError, and integers of thousands of digits
         raise FormatError(f"{path}: not valid TOML: {error}") from None
+
+
+_STRING = re.compile(r'"(?:\\.|[^"\\\n])*"|' + r"'[^'\n]*'")
+_BETWEEN_KEYS = re.compile(r"[=,{}\[\]\n]")
+_KEY_DOT = re.compile(r"[\w-][ \t]*\.")
+
+
+def _check_keys(text: str, path: Path) -> None:
+    for words in _BETWEEN_KEYS.split(_STRING.sub("s", text)):
+        if words.count(".") >= MAX_KEY_PARTS and len(_KEY_DOT.findall(words)) >= MAX_KEY_PARTS:
+            raise FormatError(
+                f"{path}: keys must have at most {MAX_KEY_PARTS} parts between dots, got "
+                f"{shorten(words.strip())}"
+            )
+
+
+def check_format(document: Mapping[str, Any], expected: str, path: Path) -> None:
+    """Raise a FormatError where the key `format` is missing, misspelt or another one's."""
+    given = document.get("format")
+    if given == expected:
+        return
+    if "format" in document:
+        raise FormatError(f"{path}: format must be '{expected}', got {shorten(given)}")
+    near = difflib.get_close_matches("format", list(document), n=1)
+    if near:
+        raise FormatError(f"{path}: unknown key '{near[0]}', did you mean 'format'?")
+    raise FormatError(f"{path}: format must be '{expected}', the key is missing")
 
 
 def validated(model: type[Model], document: Mapping[str, Any], path: Path) -> Model:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.model.capture import Frames
+from fringeworks.model.finding import Finding
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +28,8 @@ class Cloud:
     epipolar_px
         ``(H, W)`` float32: what is left between measured and projected coordinate across the
         epipolar line, projector px; NaN everywhere if one axis alone was coded.
+    findings
+        What the user should know of how the points came about.
     """
 
     xyz: NDArray[np.float32]
@@ -35,10 +38,11 @@ class Cloud:
     epipolar_px: NDArray[np.float32]
     colour: Frames | None = None
     frame: str = "camera"
+    findings: tuple[Finding, ...] = ()
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        return np.isfinite(self.xyz[..., 2])
+        return np.asarray(np.isfinite(self.xyz).all(axis=-1))
 
     def points(self) -> NDArray[np.float64]:
         """``(n, 3)`` valid points, mm, row by row."""

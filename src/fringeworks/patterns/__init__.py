@@ -4,7 +4,8 @@
 images, `frame_names` says what to call them.
 """
 
-from fringeworks.patterns.checks import check_pattern, check_sequence, fringe_orders
+from fringeworks.model.sequence import fringe_orders
+from fringeworks.patterns.checks import check_coding, check_pattern, check_sequence, has_carrier
 from fringeworks.patterns.names import frame_names
 from fringeworks.patterns.presets import (
     PRESETS,
@@ -22,12 +23,14 @@ __all__ = [
     "Code",
     "Preset",
     "Recipe",
+    "check_coding",
     "check_pattern",
     "check_sequence",
     "equal_shifts",
     "frame_names",
     "frequency_ladder",
     "fringe_orders",
+    "has_carrier",
     "make_sequence",
     "render",
     "render_sequence",

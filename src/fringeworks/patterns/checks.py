@@ -9,6 +9,7 @@ its own place in an order code.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import NoReturn
 
 from fringeworks.errors import UsageError
@@ -28,12 +29,17 @@ from fringeworks.model import (
     gray_bits,
     pixel_on_edge,
 )
-from fringeworks.model.sequence import PROJECTOR_EDGE_PX
+from fringeworks.model.sequence import (
+    PROJECTOR_EDGE_PX,
+    fringe_orders,
+    shifts_are_solvable,
+)
 
 SIZE_RANGE_PX = (2, 8192)
 SHORTEST_PERIOD_PX = 2.0
 SHORTEST_CELL_PX = 1.0
 MOST_BITS = 16
+SHOWN_SHIFTS = 12
 
 COLOURS = {
     "black": "#000000",
@@ -52,17 +58,6 @@ def require(holds: bool, name: str, *, expected: str, actual: object) -> None:
     """Raise UsageError with the house's sentence unless the rule holds."""
     if not holds:
         raise UsageError(f"{name} must be {expected}, got {actual}")
-
-
-def fringe_orders(extent: int, period_px: float, *, zero_px: float = PROJECTOR_EDGE_PX) -> range:
-    """Fringe orders that a projector of `extent` pixels shows.
-
-    Fringe k spans ``Phi in (2 pi k - pi, 2 pi k + pi]``: with the zero at the image's edge orders
-    run 0 .. floor(extent / period + 1/2), and the first and last fringe are cut by the edges.
-    """
-    first = math.ceil((PROJECTOR_EDGE_PX - zero_px) / period_px - 0.5)
-    last = math.floor((extent + PROJECTOR_EDGE_PX - zero_px) / period_px + 0.5)
-    return range(first, last + 1)
 
 
 def refuse_picture() -> NoReturn:
@@ -101,6 +96,34 @@ def check_pattern(pattern: Pattern, *, width: int, height: int) -> None:
         Naming the value, what it must be and what it is.
     """
     check_projector(width=width, height=height)
+    match pattern:
+        case Uniform(level=level):
+            require(0 <= level <= 1, "level", expected="0 to 1 of full scale", actual=level)
+        case Checkerboard(square_px=square):
+            _check_cells("square_px", square, extent=max(width, height))
+        case Speckle(dot_px=dot):
+            require(
+                1 <= dot <= min(width, height),
+                "dot_px",
+                expected="1 px to the shorter side of the image",
+                actual=f"{dot:g}",
+            )
+        case Picture():
+            refuse_picture()
+        case _:
+            check_coding(pattern, width=width, height=height)
+
+
+def check_coding(pattern: Pattern, *, width: int, height: int) -> None:
+    """Refuse a coded pattern that no decoder could read; what codes no coordinate passes.
+
+    The same rules hold for what is drawn and for what a capture says was shown.
+
+    Raises
+    ------
+    UsageError
+        Naming the value, what it must be and what it is.
+    """
     extents = dict(zip(AXES, (width, height), strict=True))
     match pattern:
         case Fringe():
@@ -113,19 +136,8 @@ def check_pattern(pattern: Pattern, *, width: int, height: int) -> None:
             _check_staircase(pattern, extents[pattern.axis])
         case Colour():
             _check_colour(pattern, extents[pattern.axis])
-        case Uniform(level=level):
-            require(0 <= level <= 1, "level", expected="0 to 1 of full scale", actual=level)
-        case Checkerboard(square_px=square):
-            _check_cells("square_px", square, extent=max(width, height))
-        case Speckle(dot_px=dot):
-            require(
-                1 <= dot <= min(extents.values()),
-                "dot_px",
-                expected="1 px to the shorter side of the image",
-                actual=f"{dot:g}",
-            )
-        case Picture():
-            refuse_picture()
+        case _:
+            pass
 
 
 def check_sequence(sequence: Sequence) -> None:
@@ -142,15 +154,19 @@ def check_sequence(sequence: Sequence) -> None:
         check_pattern(item.pattern, width=sequence.width, height=sequence.height)
     for group in sequence.groups or (None,):
         shown = [sequence.sets[i].pattern for i in sequence.choose_group(group)]
-        carriers = [_carrier(item) for item in shown if isinstance(item, Fringe)]
         for code in shown:
             if isinstance(code, Codeword):
                 require(
-                    _carrier(code) in carriers,
+                    has_carrier(code, shown),
                     "a code frame",
                     expected="beside fringes of its own axis, period and zero",
                     actual=f"none along {code.axis} with period_px = {code.period_px:g}",
                 )
+
+
+def has_carrier(code: Codeword, shown: Iterable[Pattern]) -> bool:
+    """Whether the fringes along whose phase a code frame is read are among `shown`."""
+    return any(_carrier(item) == _carrier(code) for item in shown if isinstance(item, Fringe))
 
 
 def _carrier(pattern: Fringe | Codeword) -> tuple[str, float, float]:
@@ -165,8 +181,17 @@ def _check_period(period_px: float) -> None:
 
 def _check_fringe(fringe: Fringe) -> None:
     _check_period(fringe.period_px)
-    finite = bool(fringe.shifts_rad) and all(map(math.isfinite, fringe.shifts_rad))
-    require(finite, "shifts_rad", expected="finite, and one at least", actual=fringe.shifts_rad)
+    _check_shifts(fringe.shifts_rad)
+
+
+def _check_shifts(shifts_rad: tuple[float, ...]) -> None:
+    degrees = ", ".join(f"{math.degrees(shift):.6g}" for shift in shifts_rad[:SHOWN_SHIFTS])
+    require(
+        shifts_are_solvable(shifts_rad),
+        "shifts",
+        expected="three at least that differ clearly modulo 360 degrees",
+        actual=f"{len(shifts_rad)}: {degrees}" if shifts_rad else "none",
+    )
 
 
 def _check_cells(name: str, cell_px: float, *, extent: int, per_cell: int = 1) -> None:
@@ -217,10 +242,9 @@ def _check_codeword(code: Codeword, extent: int) -> None:
 def _check_code_order(code: Codeword, orders: range) -> None:
     """An explicit order of codewords names one for every fringe order."""
     sequence = code.sequence or ()
-    known = all(0 <= index < len(code.codewords_px) for index in sequence)
-    require(
-        known, "sequence", expected=f"of indices 0 to {len(code.codewords_px) - 1}", actual=sequence
-    )
+    last = len(code.codewords_px) - 1
+    for index in sequence:
+        require(0 <= index <= last, "sequence", expected=f"of indices 0 to {last}", actual=index)
     covered = orders[0] >= 0 and orders[-1] < len(sequence)
     require(
         covered,
@@ -231,7 +255,8 @@ def _check_code_order(code: Codeword, orders: range) -> None:
 
 
 def _check_staircase(stair: Staircase, extent: int) -> None:
-    _check_fringe(Fringe(stair.axis, stair.period_px, stair.shifts_rad))
+    _check_period(stair.period_px)
+    _check_shifts(stair.shifts_rad)
     _check_cells("period_px", stair.period_px, extent=extent, per_cell=2)
     orders = fringe_orders(extent, stair.period_px)
     require(

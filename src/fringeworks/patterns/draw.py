@@ -26,7 +26,7 @@ from fringeworks.model import (
     Staircase,
     Uniform,
 )
-from fringeworks.model.sequence import PROJECTOR_EDGE_PX
+from fringeworks.model.sequence import PROJECTOR_EDGE_PX, fringe_order
 from fringeworks.patterns.checks import parse_colour, refuse_picture
 
 Light: TypeAlias = NDArray[np.float64]
@@ -66,22 +66,17 @@ def _profile(pattern: Fringe | GrayCode | Codeword | Staircase | Colour, u: Ligh
         case Codeword():
             return _codewords(pattern, u)
         case Staircase():
-            stairs = -np.pi + 2 * np.pi * (_orders(_turns(pattern, u)) + 0.5) / pattern.levels
+            stairs = -np.pi + 2 * np.pi * (fringe_order(_turns(pattern, u)) + 0.5) / pattern.levels
             return _sinusoids(stairs, pattern.shifts_rad)
         case Colour():
             palette = np.array([parse_colour(name) for name in pattern.palette], dtype=np.float64)
-            return palette[None, _orders(_turns(pattern, u)) % len(palette)]
+            return palette[None, fringe_order(_turns(pattern, u)) % len(palette)]
 
 
 def _turns(pattern: Fringe | Codeword | Staircase | Colour, u: Light) -> Light:
     """Absolute phase over 2 pi: ``(u - zero_px) / period_px``."""
     zero_px = pattern.zero_px if isinstance(pattern, Fringe | Codeword) else PROJECTOR_EDGE_PX
     return (u - zero_px) / pattern.period_px
-
-
-def _orders(turns: Light) -> NDArray[np.int64]:
-    """Fringe order k: ``Phi in (2 pi k - pi, 2 pi k + pi]``."""
-    return np.ceil(turns - 0.5).astype(np.int64)
 
 
 def _sinusoids(phase: Light, shifts_rad: tuple[float, ...]) -> Light:
@@ -107,7 +102,7 @@ def _gray(code: GrayCode, u: Light) -> Light:
 def _codewords(code: Codeword, u: Light) -> Light:
     """Inside fringe k ``cos(2 pi (xi - 1/2) / p_k)``, ``xi = P (phi + pi) / 2 pi`` in (0, P]."""
     turns = _turns(code, u)
-    orders = _orders(turns)
+    orders = fringe_order(turns)
     xi = code.period_px * (turns - orders + 0.5)
     period = np.array([code.codeword_of(int(order)) for order in orders])
     return _sinusoids(2 * np.pi * (xi - 0.5) / period, (0.0,))
