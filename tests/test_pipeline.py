@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from fringeworks.calibrate import calibrate_captures
+from fringeworks.errors import ShapeError
 from fringeworks.files import read_board, read_capture
 from fringeworks.model import CheckerboardTarget, Rig
 from fringeworks.pipeline import measure_board, measure_plane, scan
@@ -46,3 +48,12 @@ def test_a_view_that_the_rig_does_not_know_has_no_board(
     cloud = scan(read_capture(folder / POSES[0]), rig)
     assert measure_board(cloud, rig, board, view="elsewhere") is None
     assert measure_plane(cloud).form_rms_mm > 3.2  # wall and board together are no plane
+
+
+def test_a_rig_with_another_projector_is_refused(
+    calibrated: tuple[Path, CheckerboardTarget, Rig],
+) -> None:
+    folder, _, rig = calibrated
+    other = replace(rig, projector=replace(rig.projector, width=1920, height=1080))
+    with pytest.raises(ShapeError, match="must be 1920x1080 like the rig's, got 1024x768"):
+        scan(read_capture(folder / POSES[0]), other)

@@ -8,10 +8,7 @@ Each step is a pure function of one room; here they only follow each other.
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-
+from fringeworks.errors import ShapeError
 from fringeworks.geometry.forms import PlaneFit, fit_plane
 from fringeworks.measure.board import BoardPlane, BoardSpacing, corner_spacing, fit_board
 from fringeworks.measure.region import Region, select_points
@@ -38,7 +35,19 @@ def scan(
 def cloud_of(
     capture: Capture, projector_map: ProjectorMap, rig: Rig, *, rules: CloudRules | None = None
 ) -> Cloud:
-    """The cloud of a capture that is decoded already."""
+    """The cloud of a capture that is decoded already.
+
+    Raises
+    ------
+    ShapeError
+        The capture's projector is not of the size of the rig's; or as `triangulate`.
+    """
+    shown, known = capture.sequence, rig.projector
+    if (shown.width, shown.height) != (known.width, known.height):
+        raise ShapeError(
+            f"the capture's projector must be {known.width}x{known.height} like the rig's, "
+            f"got {shown.width}x{shown.height}"
+        )
     return triangulate(
         projector_map, rig, intensity=capture.white(), colour=capture.colour, rules=rules
     )
@@ -56,10 +65,12 @@ def measure_board(
 
     The corners' pixels are those of the calibration; None if it did not use that view.
     """
-    record: dict[str, Any] = rig.further.get("calibration", {})
-    found = next((entry for entry in record.get("views", ()) if entry["name"] == view), None)
-    if found is None:
+    from fringeworks.calibrate.record import read_record  # a scan need not load what calibrates
+
+    record = read_record(rig.further)
+    views = () if record is None else record.views
+    corners = next((entry.view.camera_px for entry in views if entry.name == view), None)
+    if corners is None:
         return None
-    corners = np.array(found["camera_px"], dtype=np.float64)
     grid = {"columns": board.columns, "rows": board.rows}
     return corner_spacing(cloud, corners, **grid), fit_board(cloud, corners, **grid)

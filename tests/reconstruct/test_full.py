@@ -136,6 +136,19 @@ def test_an_empty_cloud_and_an_empty_window_are_errors() -> None:
         triangulate(coded, RIG, rules=CloudRules(z_range_mm=(20, 10)))
 
 
+def test_a_rig_that_did_not_take_the_capture_is_told() -> None:
+    """A projector principal point 3 px lower moves every point off its epipolar line by about 3."""
+    coded = map_of(RIG, TILTED)
+    assert triangulate(coded, RIG).findings == ()
+    assert coded.row is not None
+    coded.row.coordinate[: SHAPE[0] // 5] += 3.0
+    (finding,) = triangulate(coded, RIG).findings
+    assert "20% of the points in the depth range miss their epipolar line" in finding.message
+    coded.row.coordinate[SHAPE[0] // 5 :] += 3.0
+    with pytest.raises(DecodeError, match="this rig did not take the capture"):
+        triangulate(coded, RIG)
+
+
 def test_intensity_is_the_offset_unless_a_white_frame_is_given() -> None:
     coded = map_of(RIG, TILTED, axes="x")
     assert coded.column is not None

@@ -15,10 +15,17 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def kernel(function: F) -> F:
     """Compile a module-level function with the flags of this package."""
-    return cast(F, njit(cache=True, error_model="numpy", fastmath={"contract"})(function))
+    return _compiled(function, {})
 
 
 def inlined(function: F) -> F:
     """Like `kernel`, for scalar functions that loops must inline in order to vectorise."""
-    flags: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
-    return cast(F, njit(inline="always", **flags)(function))
+    return _compiled(function, {"inline": "always"})
+
+
+def _compiled(function: F, further: dict[str, Any]) -> F:
+    flags: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, **further}
+    try:
+        return cast(F, njit(cache=True, **flags)(function))
+    except RuntimeError:  # neither the package's folder nor the user's cache can be written
+        return cast(F, njit(**flags)(function))

@@ -34,6 +34,12 @@ from fringeworks.phase.temporal import plan_chain, run_chain
 OUTSIDE_SIGMAS = 5.0
 """A coordinate outside the projector's image by more than this many sigma is void."""
 
+SAFE_MARGIN = 0.1
+SAFE_SIGMAS = 5.0
+"""Under a Gray code noise decides the order where a doubtful bit leaves less margin than the
+former, or where less is left than this many sigma of the phase. Only plain codes whose cells are
+as wide as the fringes bring pixels there, at the edges of their cells."""
+
 
 @dataclass(frozen=True, slots=True)
 class Decoding:
@@ -191,6 +197,9 @@ def _axis_from_fringes(
     beyond = np.abs(coordinate - centre) - extent / 2
     void = np.full(sigma.shape, Void.ORDER, np.uint8)
     void[beyond <= OUTSIDE_SIGMAS * sigma] = Void.VALID
+    if reading is not None:
+        void[reading.at_edge & (margin < SAFE_MARGIN)] = Void.ORDER
+        void[margin * np.float32(np.pi) < SAFE_SIGMAS * finest.sigma] = Void.ORDER
     for n, wrapped in enumerate(phases):
         if any(carrier.weights[n] for carrier in chain):
             np.copyto(void, wrapped.void, where=wrapped.void != Void.VALID)

@@ -17,6 +17,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fringeworks.errors import FormatError
 from fringeworks.kernels.orders import gray_index
@@ -67,8 +68,8 @@ def mean_repeats(frames: Frames, repeats: int) -> Frames:
 
 def decode_gray(
     code: GrayCode, frames: Frames, *, extent: int, contrast: Contrast, noise: Noise
-) -> tuple[FloatMap, FloatMap]:
-    """Projector coordinate of the centre of each pixel's (half) cell, and its standard deviation.
+) -> tuple[FloatMap, NDArray[np.bool_]]:
+    """Projector coordinate of the centre of each pixel's (half) cell, and who sees a cell's edge.
 
     Parameters
     ----------
@@ -84,10 +85,11 @@ def decode_gray(
 
     Returns
     -------
-    coordinate, sigma
+    coordinate
         ``(H, W)`` float32, projector px; NaN where the code lies outside the projector's image,
-        and where two of its bits or more are doubtful. Sigma is ``cell / sqrt(12)``, or half a
-        cell where one bit is doubtful.
+        and where two of its bits or more are doubtful.
+    at_edge
+        ``(H, W)``: one bit is doubtful.
     """
     level = contrast.offset[np.newaxis]
     doubt = np.asarray(DOUBT_SIGMAS * noise.sigma(contrast.offset), dtype=np.float32)
@@ -103,9 +105,7 @@ def decode_gray(
     centre: FloatMap = (index.astype(np.float32) + 0.5) * code.code_px - 0.5
     outside = index >= math.ceil(extent / code.code_px - WHOLE)
     centre[outside | (doubtful >= 2)] = np.nan
-    sigma = np.where(doubtful == 0, np.float32(1 / math.sqrt(12)), np.float32(0.5)) * code.code_px
-    sigma[np.isnan(centre)] = np.nan
-    return centre, sigma.astype(np.float32)
+    return centre, doubtful == 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,17 +114,26 @@ class GrayReading:
 
     Attributes
     ----------
-    coordinate, sigma
+    coordinate
         ``(H, W)`` projector px of the (half) cell's centre; NaN where the code is void.
+    at_edge
+        ``(H, W)``: one bit is doubtful, so that the pixel sees the edge between two cells.
     contrast, noise
         By which light was told from dark.
     """
 
     code: GrayCode
     coordinate: FloatMap
-    sigma: FloatMap
+    at_edge: NDArray[np.bool_]
     contrast: Contrast
     noise: Noise
+
+    @property
+    def sigma(self) -> FloatMap:
+        """Of `coordinate`, px: ``cell / sqrt(12)``, or half a cell at an edge; NaN where void."""
+        cells = np.where(self.at_edge, np.float32(0.5), np.float32(1 / math.sqrt(12)))
+        cells[np.isnan(self.coordinate)] = np.nan
+        return np.asarray(cells * np.float32(self.code.code_px))
 
 
 def read_gray(
@@ -160,8 +169,8 @@ def read_gray(
         lit = contrast.modulation >= least_modulation
         noise = image_noise(frames[:1], lit, sensor=capture.sensor)
     extent = capture.sequence.extent(axis)
-    coordinate, sigma = decode_gray(code, frames, extent=extent, contrast=contrast, noise=noise)
-    return GrayReading(code, coordinate, sigma, contrast, noise)
+    coordinate, at_edge = decode_gray(code, frames, extent=extent, contrast=contrast, noise=noise)
+    return GrayReading(code, coordinate, at_edge, contrast, noise)
 
 
 def _contrast_of(fringes: WrappedPhase | None) -> Contrast | None:

@@ -28,6 +28,9 @@ LEAST_SAFETY = 0.5
 """Standard deviations of the planned error that a step must have: five where the phase is good to
 0.01 rad. The margin of each pixel says how it went."""
 
+MOST_SETS_FOR_SECOND_BEATS = 6
+"""With more sets there are beats enough, and beats of beats by the thousand."""
+
 WORTH_A_STEP = 0.8
 """One step more must make a chain safer by more than a quarter."""
 
@@ -70,11 +73,15 @@ def make_carrier(fringes: Sequence[Fringe], weights: tuple[int, ...]) -> Carrier
 
 
 def find_carriers(fringes: Sequence[Fringe]) -> list[Carrier]:
-    """The sets, their beats and the beats of two beats that share a set, longest period first."""
+    """The sets, their beats and the beats of two beats that share a set, longest period first.
+
+    Beats of beats are made of at most six sets.
+    """
     count = len(fringes)
     singles = [tuple(int(i == n) for i in range(count)) for n in range(count)]
     beats = _differences(singles)
-    of_beats = [weights for weights in _differences(beats) if np.count_nonzero(weights) <= 3]
+    few = count <= MOST_SETS_FOR_SECOND_BEATS
+    of_beats = [w for w in _differences(beats) if np.count_nonzero(w) <= 3] if few else []
     weights = dict.fromkeys([*singles, *beats, *of_beats])
     carriers = (make_carrier(fringes, item) for item in weights)
     return sorted((c for c in carriers if c), key=lambda c: (-c.period_px, c.is_beat))

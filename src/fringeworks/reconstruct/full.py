@@ -10,13 +10,27 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fringeworks.errors import DecodeError, ShapeError, UsageError
 from fringeworks.kernels.triangulate import triangulate as triangulate_kernel
-from fringeworks.model import Axis, Cloud, CodedAxis, FloatMap, Frames, ProjectorMap, Rig
+from fringeworks.model import (
+    Axis,
+    Cloud,
+    CodedAxis,
+    Finding,
+    FloatMap,
+    Frames,
+    ProjectorMap,
+    Rig,
+)
 
 EPIPOLAR_SIGMAS = 8.0
 EPIPOLAR_FLOOR_PX = 2.0
+
+HOPELESS_SHARE = 0.5
+SUSPICIOUS_SHARE = 0.1
+"""More decoded pixels than this off their epipolar lines are no matter of wild codes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +79,7 @@ def triangulate(
     UsageError
         The rules ask for an axis that is not coded, or for an empty depth range.
     DecodeError
-        No point is left.
+        No point is left, or most of them miss their epipolar line.
     """
     rules = rules or CloudRules()
     expected = (rig.camera.height, rig.camera.width)
@@ -92,12 +106,16 @@ def triangulate(
         sigma,
         epipolar,
     )
+    in_window = np.isfinite(sigma)
+    off: NDArray[np.bool_] | None = None
     if column is not None and row is not None:
-        _void_off_epipolar(column, row, epipolar, xyz, sigma, rules)
+        off = np.abs(epipolar) > _epipolar_limit(column, row, rules)
+        xyz[off], sigma[off], epipolar[off] = np.nan, np.nan, np.nan
+    found = () if off is None else _notice_epipolar(off, in_window)
     if not np.isfinite(sigma).any():
         raise DecodeError(_no_point_message(projector_map, window))
     shade = projector_map.axes[0].offset if intensity is None else intensity
-    return Cloud(xyz, sigma, shade, epipolar, colour)
+    return Cloud(xyz, sigma, shade, epipolar, colour, findings=found)
 
 
 def _depth_window(rig: Rig, rules: CloudRules) -> tuple[float, float]:
@@ -125,22 +143,32 @@ def _measured(axis: CodedAxis | None, shape: tuple[int, int]) -> tuple[FloatMap,
     return axis.coordinate, axis.sigma
 
 
-def _void_off_epipolar(
-    column: CodedAxis,
-    row: CodedAxis,
-    epipolar: FloatMap,
-    xyz: FloatMap,
-    sigma: FloatMap,
-    rules: CloudRules,
-) -> None:
-    limit: float | FloatMap
+def _epipolar_limit(column: CodedAxis, row: CodedAxis, rules: CloudRules) -> float | FloatMap:
+    """Largest distance from the epipolar line, projector px, that is not void."""
     if rules.epipolar_px is not None:
-        limit = rules.epipolar_px
-    else:
-        noise = EPIPOLAR_SIGMAS * np.hypot(column.sigma, row.sigma)
-        limit = np.maximum(noise, np.float32(EPIPOLAR_FLOOR_PX))
-    off = np.abs(epipolar) > limit
-    xyz[off], sigma[off], epipolar[off] = np.nan, np.nan, np.nan
+        return rules.epipolar_px
+    noise = EPIPOLAR_SIGMAS * np.hypot(column.sigma, row.sigma)
+    return np.asarray(np.maximum(noise, np.float32(EPIPOLAR_FLOOR_PX)))
+
+
+def _notice_epipolar(off: NDArray[np.bool_], in_window: NDArray[np.bool_]) -> tuple[Finding, ...]:
+    """A warning where many decoded pixels miss their line, an error where most of them do."""
+    share = float(off.sum()) / max(float(in_window.sum()), 1.0)
+    if share > HOPELESS_SHARE:
+        raise DecodeError(
+            f"{share:.0%} of the points in the depth range miss their epipolar line: this rig did "
+            "not take the capture, or its camera or projector has moved, or the images or axes in "
+            "capture.toml are swapped or mirrored"
+        )
+    if share < SUSPICIOUS_SHARE:
+        return ()
+    return (
+        Finding(
+            "warning",
+            f"{share:.0%} of the points in the depth range miss their epipolar line and are void.",
+            "Is this the rig that took the capture, and has nothing moved since?",
+        ),
+    )
 
 
 def _no_point_message(projector_map: ProjectorMap, window: tuple[float, float]) -> str:
