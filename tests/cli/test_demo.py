@@ -10,8 +10,8 @@ import pytest
 from fringeworks.bench import suite
 from fringeworks.bench.metric import Metric
 from fringeworks.cli.calibrate import find_captures
-from fringeworks.cli.demo import data_folder
 from fringeworks.errors import UsageError
+from fringeworks.files import data_folder, find_data
 from tests.cli.scenes import run
 
 
@@ -31,6 +31,15 @@ def test_data_are_looked_for_beside_the_checkout(monkeypatch: pytest.MonkeyPatch
     monkeypatch.delenv("FRINGEWORKS_DATA", raising=False)
     checkout = Path(__file__).resolve().parents[2]
     assert data_folder() == checkout.parent / "shared" / "data"
+
+
+def test_sets_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FRINGEWORKS_DATA", str(tmp_path))
+    (tmp_path / "sample" / "dome").mkdir(parents=True)
+    assert find_data("dome") == tmp_path / "sample" / "dome"
+    (tmp_path / "real" / "dome").mkdir(parents=True)
+    assert find_data("dome") == tmp_path / "real" / "dome"
+    assert find_data("plane") is None
 
 
 def test_captures_of_a_folder_stand_in_the_order_of_their_numbers(tmp_path: Path) -> None:

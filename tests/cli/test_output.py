@@ -7,7 +7,7 @@ import numba
 import pytest
 
 from fringeworks.cli.compiling import MESSAGE, announced_compiling
-from fringeworks.cli.output import Output, percent, progress_bars, to_json
+from fringeworks.cli.output import Output, percent, print_note, progress_bars, to_json
 
 
 def test_json_has_no_nan() -> None:
@@ -46,10 +46,10 @@ def test_a_share_that_is_not_zero_does_not_read_so() -> None:
 
 def test_compiling_is_announced_once(capsys: pytest.CaptureFixture[str]) -> None:
     first, second = numba.njit(lambda x: x + 1), numba.njit(lambda x: x + 2)
-    with announced_compiling():
+    with announced_compiling(print_note):
         assert (first(1), second(1)) == (2, 3)
     assert capsys.readouterr().err == MESSAGE + "\n"
-    with announced_compiling():
+    with announced_compiling(print_note):
         assert (first(1), second(1)) == (2, 3)
     assert capsys.readouterr().err == ""
 

@@ -84,7 +84,7 @@ def test_a_rig_of_another_camera(seen: Path, plane_scan: Scan, tmp_path: Path) -
     _, rig = plane_scan
     done = run("scan", seen, "--rig", rig, "--out", tmp_path / "c.npz")
     assert done.exit_code == 1
-    assert "752x480 like the rig's camera, got 128x96" in done.stderr
+    assert "608x684 like the rig's, got 128x96" in done.stderr
 
 
 def test_a_rig_that_is_none(plane_scan: Scan, tmp_path: Path) -> None:

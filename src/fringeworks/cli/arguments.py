@@ -15,7 +15,7 @@ Range = tuple[float, float]
 
 def parse_size(text: str) -> tuple[int, int]:
     """``608x684``: width and height, px."""
-    match = re.fullmatch(r"(\d+)\s*[xX×]\s*(\d+)", text.strip())
+    match = re.fullmatch(r"(\d{1,6})\s*[xX×]\s*(\d{1,6})", text.strip())
     if match is None:
         raise UsageError(f"--projector must be WIDTHxHEIGHT in px, as 1920x1080, got '{text}'")
     return int(match[1]), int(match[2])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fringeworks.cli.arguments import refuse_planned, require_built
-from fringeworks.cli.output import JsonFlag, Output, Progress
+from fringeworks.cli.output import JsonFlag, Output, Progress, print_note
 from fringeworks.errors import UsageError
 
 if TYPE_CHECKING:
@@ -44,6 +44,8 @@ def calibrate(
     require_built("--extended", extended, built="none", planned=("map", "paper"))
     output = Output(as_json=as_json)
     folders = find_captures(captures)
+    if out.suffix.lower() != ".json":
+        raise UsageError(f"--out must be a .json file, got '{out}'")
     from fringeworks.calibrate import calibrate_captures
     from fringeworks.files import read_board, write_rig
 
@@ -73,6 +75,14 @@ def find_captures(paths: Sequence[Path]) -> list[Path]:
         if not inside:
             raise UsageError(f"{path}: neither a capture nor a folder of captures (capture.toml)")
         found += sorted(inside, key=_natural)
+    resolved = [path.resolve() for path in found]
+    for place, path in enumerate(found):
+        if not path.exists():
+            raise UsageError(f"{path}: no such capture")
+        if path.is_file() and path.suffix != ".toml":
+            raise UsageError(f"{path} is no capture: name the folder with capture.toml in it")
+        if resolved[place] in resolved[:place]:
+            raise UsageError(f"{path} is given twice: every capture must be a pose of its own")
     return found
 
 
@@ -88,7 +98,7 @@ def read_captures(folders: Sequence[Path], output: Output, progress: Progress) -
 
     for folder in progress(folders, "views"):
         capture = read_capture(folder)
-        output.findings(capture)
+        output.findings(capture.name, capture.findings)
         yield capture
 
 
@@ -96,25 +106,20 @@ def describe_rig(output: Output, rig: Rig) -> dict[str, Any]:
     """Print a calibrated rig; returns its summary."""
     from dataclasses import asdict
 
-    from fringeworks.cli.output import print_note
-    from fringeworks.report.summary import summarise_rig, summarise_views
+    from fringeworks.calibrate.record import read_record
+    from fringeworks.report.summary import summarise_record, summarise_rig
 
-    views, summary = summarise_views(rig), summarise_rig(rig)
+    record, summary = summarise_record(read_record(rig.further)), summarise_rig(rig)
     quality = None if rig.quality is None else asdict(rig.quality)
-    record = rig.further.get("calibration", {})
-    told = tuple(f"{view['name']}: " for view in views)  # in the table, with the reasons
-    for finding in record.get("findings", ()):
-        if not finding.startswith(told):
-            print_note(f"warning: {finding}")
-    _print_views(output, views, quality)
+    for finding in record["findings"]:
+        print_note(finding)
+    _print_views(output, record["views"], quality)
     for device in ("camera", "projector"):
         _print_lens(output, device, summary[device])
     _print_pose(output, summary)
     return {
         "quality": quality,
-        "views": views,
-        "failed_captures": record.get("failed_captures", []),
-        "findings": list(record.get("findings", ())),
+        **record,
         "rig": summary,
     }
 
@@ -128,7 +133,7 @@ def _print_views(
             f"{view['camera_rms_px']:.3f}",
             f"{view['projector_rms_px']:.3f}",
             f"{view['kept']} of {view['offered']}",
-            ", ".join(f"{count} {reason}" for reason, count in view["left_out"].items()),
+            ", ".join(f"{count}: {reason}" for reason, count in view["left_out"].items()),
         )
         for view in views
     ]

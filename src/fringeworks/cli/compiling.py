@@ -5,18 +5,16 @@ Numba tells of a compilation only when its cache on disk does not have the kerne
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
-
-from fringeworks.cli.output import print_note
 
 MESSAGE = "compiling kernels for this machine, once: a few seconds"
 
 
 @contextmanager
-def announced_compiling() -> Iterator[None]:
-    """Watch numba's compilations while the block runs."""
+def announced_compiling(say: Callable[[str], None]) -> Iterator[None]:
+    """Watch numba's compilations while the block runs; `say` the first one."""
     from numba.core import event
 
     class Announcer(event.Listener):
@@ -25,7 +23,7 @@ def announced_compiling() -> Iterator[None]:
         def on_start(self, event: Any) -> None:
             if not self.said:
                 self.said = True
-                print_note(MESSAGE)
+                say(MESSAGE)
 
         def on_end(self, event: Any) -> None:
             pass

@@ -49,7 +49,7 @@ def decode(
 
     with output.working() as progress:
         read = read_capture(capture, group=group, progress=progress)
-        output.findings(read)
+        output.findings(read.name, read.findings)
         rules = MaskRules()
         if min_modulation is not None:
             rules = MaskRules(modulation_share=min_modulation / read.sensor.full_scale)

@@ -1,9 +1,8 @@
-"""``fringeworks demo``: the whole line on a real capture, its numbers beside the reference's."""
+"""``fringeworks demo``: the whole line on a real capture, its numbers beside recorded ones."""
 
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fringeworks.cli.calibrate import find_captures, read_captures
+from fringeworks.cli.calibrate import describe_rig, find_captures, read_captures
 from fringeworks.cli.output import JsonFlag, Output, Progress, print_note, to_json
 
 if TYPE_CHECKING:
-    from fringeworks.model import Capture, CheckerboardTarget, Rig
-
-DATA_VARIABLE = "FRINGEWORKS_DATA"
+    from fringeworks.model import Capture, CheckerboardTarget, Cloud, Rig
+    from fringeworks.phase.decode import Decoding
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,71 +47,42 @@ def demo(
     ] = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Run the whole line on a real capture and print its numbers beside the reference's.
+    """Run the whole line on a real capture and print its numbers beside recorded ones.
 
     Calibrates from the poses of procam-half (kamino410/procam-calibration, MIT), scans the first
     and measures the board's squares on the clouds. Writes rig.json, cloud.npz, cloud.ply,
     demo.json and figures. The capture is looked for in $FRINGEWORKS_DATA.
     """
     output = Output(as_json=as_json)
+    from fringeworks.files import data_folder
+
     data = data_folder()
     chosen = next((item for item in DEMO_SETS if (data / item.folder).is_dir()), None)
     if chosen is None:
         print_note(describe_lack(data))
         raise typer.Exit(1)
-    from fringeworks.cli.calibrate import describe_rig
-
-    folders = find_captures([data / chosen.folder])
     with output.working() as progress:
-        rig, board = calibrate_demo(data / chosen.folder, folders, output, progress)
-        boards = list(measure_boards(folders[: 1 if quick else None], (rig, board), out, progress))
-        figures = [] if quick else draw_demo(folders[0], rig, out, progress)
+        found = run_line(data / chosen.folder, out, output, progress, quick=quick)
     output.line(f"demo on {data / chosen.folder}")
-    summary = describe_rig(output, rig)
-    rows = compare(chosen, rig)
-    output.line("beside plain OpenCV on the same images")
-    output.table(
-        ("", "here", "OpenCV"),
-        [(name, f"{here:.3f} {unit}", f"{there:.3f} {unit}") for name, here, there, unit in rows],
-        numbers=(1, 2),
-    )
-    output.line(f"boards on their clouds, mm; true squares {board.pitch_x_mm:g} mm")
-    output.table(
-        ("board", "squares, mean", "sd", "plane rms", "rms predicted by sigma"),
-        [(item["name"], *(f"{item[key]:.3f}" for key in SHOWN)) for item in boards],
-        numbers=(1, 2, 3, 4),
-    )
     values = {
         "capture": chosen.folder,
         "out": out,
-        **summary,
-        "boards": boards,
-        "comparison": [
-            {"name": name, "value": here, "opencv": there, "unit": unit}
-            for name, here, there, unit in rows
-        ],
-        "files": [out / "rig.json", out / "cloud.npz", out / "cloud.ply", *figures],
+        **describe_rig(output, found.rig),
+        "boards": found.boards,
+        "comparison": describe_comparison(output, chosen, found.rig),
+        "files": [out / "rig.json", out / "cloud.npz", out / "cloud.ply", *found.figures],
     }
-    from fringeworks.files.atomic import write_text
-
-    write_text(out / "demo.json", json.dumps(to_json(values), indent=2, allow_nan=False) + "\n")
+    describe_boards(output, found)
+    write_values(out / "demo.json", values)
     output.line(f"wrote rig.json, cloud.npz, cloud.ply, demo.json in {out}")
-    output.written(figures)
+    output.written(found.figures)
     output.result(values)
-
-
-def data_folder() -> Path:
-    """Where real captures are: `$FRINGEWORKS_DATA`, else ``../shared/data`` beside the checkout."""
-    named = os.environ.get(DATA_VARIABLE)
-    if named:
-        return Path(named)
-    checkout = Path(__file__).resolve().parents[3]
-    beside = checkout if (checkout / "pyproject.toml").is_file() else Path.cwd()
-    return beside.parent / "shared" / "data"
 
 
 def describe_lack(data: Path) -> str:
     """What the demo would need, and how to get it."""
+    from fringeworks.files.data import DATA_VARIABLE
+
     names = " or ".join(item.folder for item in DEMO_SETS)
     return (
         f"demo: nothing to run on. It needs a real capture, {names}, and {data} has neither.\n"
@@ -124,38 +93,67 @@ def describe_lack(data: Path) -> str:
     )
 
 
-def calibrate_demo(
-    folder: Path, folders: Sequence[Path], output: Output, progress: Progress
-) -> tuple[Rig, CheckerboardTarget]:
-    """The rig of all poses."""
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What the line has found: the rig, each board's numbers, and the paths of the figures."""
+
+    rig: Rig
+    board: CheckerboardTarget
+    boards: list[dict[str, Any]]
+    figures: list[Path]
+
+
+@dataclass(frozen=True, slots=True)
+class Scanned:
+    """A pose at every stop of the line."""
+
+    capture: Capture
+    decoding: Decoding
+    cloud: Cloud
+
+
+def run_line(folder: Path, out: Path, output: Output, progress: Progress, *, quick: bool) -> Found:
+    """Calibrate from all poses, scan each (`quick`: the first) and measure its board."""
     from fringeworks.calibrate import calibrate_captures
-    from fringeworks.files import read_board
+    from fringeworks.files import read_board, write_cloud, write_rig
 
-    board = read_board(folder / "board.toml")
-    return calibrate_captures(read_captures(folders, output, progress), board), board
-
-
-def measure_boards(
-    folders: Sequence[Path], used: tuple[Rig, CheckerboardTarget], out: Path, progress: Progress
-) -> Iterator[dict[str, Any]]:
-    """Scan each pose and measure its board; the first one's cloud and the rig are written."""
-    from fringeworks.files import read_capture, write_cloud, write_rig
-    from fringeworks.pipeline import measure_board, scan
-
-    rig, board = used
+    board, poses = read_board(folder / "board.toml"), find_captures([folder])
+    rig = calibrate_captures(read_captures(poses, output, progress), board)
     write_rig(out / "rig.json", rig)
-    for folder in progress(folders, "scanning"):
-        capture: Capture = read_capture(folder)
-        cloud = scan(capture, rig)
-        if folder == folders[0]:
-            write_cloud(out / "cloud.npz", cloud)
-            write_cloud(out / "cloud.ply", cloud)
-        measured = measure_board(cloud, rig, board, view=capture.name)
-        if measured is None:
-            continue
-        spacing, plane = measured
-        yield {
-            "name": capture.name,
+    boards: list[dict[str, Any]] = []
+    figures: list[Path] = []
+    for place, scanned in enumerate(scan_poses(poses[: 1 if quick else None], rig, progress)):
+        boards += measure_pose(scanned, rig, board)
+        if place == 0:
+            write_cloud(out / "cloud.npz", scanned.cloud)
+            write_cloud(out / "cloud.ply", scanned.cloud)
+            figures = [] if quick else draw_demo(scanned, rig, out / "figures", progress)
+    return Found(rig, board, boards, figures)
+
+
+def scan_poses(poses: Sequence[Path], rig: Rig, progress: Progress) -> Iterator[Scanned]:
+    """Each pose read, decoded and triangulated once."""
+    from fringeworks.files import read_capture
+    from fringeworks.phase.decode import decode_phases
+    from fringeworks.pipeline import cloud_of
+
+    for pose in progress(poses, "scanning"):
+        capture = read_capture(pose)
+        decoding = decode_phases(capture)
+        yield Scanned(capture, decoding, cloud_of(capture, decoding.projector_map(), rig))
+
+
+def measure_pose(scanned: Scanned, rig: Rig, board: CheckerboardTarget) -> list[dict[str, Any]]:
+    """The board's squares and plane on its cloud; nothing where the rig does not use the view."""
+    from fringeworks.pipeline import measure_board
+
+    measured = measure_board(scanned.cloud, rig, board, view=scanned.capture.name)
+    if measured is None:
+        return []
+    spacing, plane = measured
+    return [
+        {
+            "name": scanned.capture.name,
             "square_mean_mm": spacing.mean_mm,
             "square_sd_mm": spacing.sd_mm,
             "squares": len(spacing.all_mm),
@@ -163,34 +161,69 @@ def measure_boards(
             "plane_points": len(plane.fit.deviations_mm),
             "plane_predicted_rms_mm": plane.predicted_rms_mm,
         }
-
-
-def draw_demo(folder: Path, rig: Rig, out: Path, progress: Progress) -> list[Path]:
-    """Figures of the calibration and of every stage of the first scan."""
-    from fringeworks.files import read_capture
-    from fringeworks.phase.decode import decode_phases
-    from fringeworks.pipeline import cloud_of
-    from fringeworks.report.calibration import draw_calibration
-    from fringeworks.report.canvas import save_figure
-    from fringeworks.report.cloud import draw_cloud
-    from fringeworks.report.decoding import draw_decoding
-
-    capture = read_capture(folder)
-    decoding = decode_phases(capture)
-    cloud = cloud_of(capture, decoding.projector_map(), rig)
-    drawn = [*draw_calibration(rig), *draw_decoding(decoding), *draw_cloud(cloud)]
-    return [
-        save_figure(figure, out / "figures" / f"{name}.png")
-        for name, figure in progress(drawn, "drawing")
     ]
 
 
-def compare(chosen: DemoSet, rig: Rig) -> list[tuple[str, float, float, str]]:
-    """Rows of name, our number, plain OpenCV's, unit."""
+def draw_demo(scanned: Scanned, rig: Rig, folder: Path, progress: Progress) -> list[Path]:
+    """Figures of the calibration and of every stage of a scan."""
+    from fringeworks.report.calibration import draw_calibration
+    from fringeworks.report.canvas import save_figures
+    from fringeworks.report.cloud import draw_cloud
+    from fringeworks.report.decoding import draw_decoding
+
+    scan = [*draw_decoding(scanned.decoding), *draw_cloud(scanned.cloud)]
+    return save_figures(progress([*draw_calibration(rig), *scan], "drawing"), folder)
+
+
+def write_values(path: Path, values: dict[str, Any]) -> None:
+    """The numbers as ``--json`` prints them."""
+    from fringeworks.files.atomic import write_text
+
+    write_text(path, json.dumps(to_json(values), indent=2, allow_nan=False) + "\n")
+
+
+def describe_comparison(output: Output, chosen: DemoSet, rig: Rig) -> list[dict[str, Any]]:
+    """Print the rig's numbers beside those that plain OpenCV was recorded with."""
+    rows = compare(chosen, rig)
+    output.line("rms in px and baseline in mm; plain OpenCV as recorded with the data, all corners")
+    output.table(
+        ("", "kept corners", "all corners", "plain OpenCV"),
+        [(row["name"], *(_show(row[key]) for key in ("kept", "all", "opencv"))) for row in rows],
+        numbers=(1, 2, 3),
+    )
+    return rows
+
+
+def _show(value: float | None) -> str:
+    return "" if value is None else f"{value:.3f}"
+
+
+def describe_boards(output: Output, found: Found) -> None:
+    """Print what was measured on each board."""
+    output.line(f"boards on their clouds, mm; true squares {found.board.pitch_x_mm:g} mm")
+    output.table(
+        ("board", "squares, mean", "sd", "plane rms", "rms predicted by sigma"),
+        [(item["name"], *(f"{item[key]:.3f}" for key in SHOWN)) for item in found.boards],
+        numbers=(1, 2, 3, 4),
+    )
+
+
+def compare(chosen: DemoSet, rig: Rig) -> list[dict[str, Any]]:
+    """Rows of name, unit, and the number over kept corners, over all corners, and OpenCV's."""
     assert rig.quality is not None
+    quality, over_all = rig.quality, rig.further["calibration"]["rms_of_all_px"]
+    numbers = (
+        ("camera rms", "px", quality.camera_rms_px, over_all["camera"], chosen.camera_rms_px),
+        (
+            "projector rms",
+            "px",
+            quality.projector_rms_px,
+            over_all["projector"],
+            chosen.projector_rms_px,
+        ),
+        ("joint rms", "px", quality.joint_rms_px, over_all["joint"], chosen.joint_rms_px),
+        ("baseline", "mm", rig.baseline_mm, None, chosen.baseline_mm),
+    )
     return [
-        ("camera rms", rig.quality.camera_rms_px, chosen.camera_rms_px, "px"),
-        ("projector rms", rig.quality.projector_rms_px, chosen.projector_rms_px, "px"),
-        ("joint rms", rig.quality.joint_rms_px, chosen.joint_rms_px, "px"),
-        ("baseline", rig.baseline_mm, chosen.baseline_mm, "mm"),
+        dict(zip(("name", "unit", "kept", "all", "opencv"), row, strict=True)) for row in numbers
     ]

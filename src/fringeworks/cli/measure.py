@@ -54,8 +54,8 @@ def plane(
     if window is not None and cloud.suffix.lower() != ".npz":
         raise UsageError(f"--pixels needs a cloud on the camera's grid, .npz, got '{cloud.name}'")
     from fringeworks.files import read_cloud
-    from fringeworks.geometry.forms import fit_plane
-    from fringeworks.measure.region import Region, select_points
+    from fringeworks.measure.region import Region
+    from fringeworks.pipeline import measure_plane
     from fringeworks.report.summary import summarise_plane
 
     read = read_cloud(cloud)
@@ -63,7 +63,7 @@ def plane(
         box_mm=None if ranges is None else (ranges[0], ranges[1], ranges[2]),
         pixels=None if window is None else (window[0], window[1]),
     )
-    found = summarise_plane(fit_plane(select_points(read, region)))
+    found = summarise_plane(measure_plane(read, region))
     output = Output(as_json=as_json)
     output.line(f"plane through {found['points']} points of {cloud.name}, frame: {read.frame}")
     x, y, z = found["normal"]

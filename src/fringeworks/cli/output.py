@@ -17,7 +17,7 @@ import typer
 if TYPE_CHECKING:
     from rich.progress import Progress as Bars
 
-    from fringeworks.model import Capture
+    from fringeworks.model import Finding
 
 Item = TypeVar("Item")
 
@@ -47,12 +47,12 @@ class Output:
         if not self.as_json:
             typer.echo(text)
 
-    def facts(self, pairs: Iterable[tuple[str, str]], *, indent: int = 2) -> None:
+    def facts(self, pairs: Iterable[tuple[str, str]]) -> None:
         """Names and values in two columns."""
         listed = list(pairs)
         width = max((len(name) for name, _ in listed), default=0)
         for name, value in listed:
-            self.line(f"{' ' * indent}{name:<{width}}  {value}")
+            self.line(f"  {name:<{width}}  {value}")
 
     def table(
         self, head: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: Sequence[int] = ()
@@ -67,10 +67,10 @@ class Output:
             ]
             self.line("  " + "  ".join(aligned).rstrip())
 
-    def findings(self, capture: Capture) -> None:
-        """What the reader of a capture noticed."""
-        for finding in capture.findings:
-            print_note(f"{capture.name}: {finding}")
+    def findings(self, name: str, found: Iterable[Finding]) -> None:
+        """What was noticed about the capture called `name`."""
+        for finding in found:
+            print_note(f"{name}: {finding}")
 
     def written(self, paths: Sequence[Path]) -> None:
         """Say which files there are now."""
@@ -89,7 +89,7 @@ class Output:
         """Progress bars, and a word about kernels that are being compiled, while a verb works."""
         from fringeworks.cli.compiling import announced_compiling
 
-        with announced_compiling(), progress_bars() as progress:
+        with announced_compiling(print_note), progress_bars() as progress:
             yield progress
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -12,7 +12,7 @@ from fringeworks.cli.output import JsonFlag, Output, progress_bars
 from fringeworks.errors import UsageError
 
 if TYPE_CHECKING:
-    from fringeworks.model import PatternSet
+    from fringeworks.model import PatternSet, Sequence
 
 Preset = Literal["paper", "calibrate", "measure", "multi-frequency"]
 Code = Literal["none", "gray", "complementary"]
@@ -70,7 +70,7 @@ def patterns(
     output = Output(as_json=as_json)
     from fringeworks import __version__
     from fringeworks.files import write_sequence
-    from fringeworks.patterns import frame_names, make_sequence, render_sequence
+    from fringeworks.patterns import make_sequence, render_sequence
 
     sequence = make_sequence(
         preset,
@@ -93,15 +93,9 @@ def patterns(
             overwrite=overwrite,
             progress=progress,
         )
-    names = frame_names(sequence)
-
     output.line(f"{preset} for {width}x{height} px")
-    rows = [
-        (_describe(item), str(len(files)), files[0])
-        for item, files in zip(sequence.sets, names, strict=True)
-    ]
-    output.table(("set", "images", "first"), rows, numbers=(1,))
-    count = sum(len(files) for files in names)
+    sets = describe_sets(output, sequence)
+    count = sum(len(item["images"]) for item in sets)
     output.line(f"wrote {count} images and capture.toml in {out}")
     output.result(
         {
@@ -109,12 +103,22 @@ def patterns(
             "projector": {"width": width, "height": height},
             "out": out,
             "images": count,
-            "sets": [
-                {"pattern": _describe(item), "images": files}
-                for item, files in zip(sequence.sets, names, strict=True)
-            ],
+            "sets": sets,
         }
     )
+
+
+def describe_sets(output: Output, sequence: Sequence) -> list[dict[str, Any]]:
+    """Print what each set shows and its first image; returns all of them."""
+    from fringeworks.patterns import frame_names
+
+    named = zip(sequence.sets, frame_names(sequence), strict=True)
+    sets: list[dict[str, Any]] = [
+        {"pattern": _describe(item), "images": files} for item, files in named
+    ]
+    rows = [(item["pattern"], str(len(item["images"])), item["images"][0]) for item in sets]
+    output.table(("set", "images", "first"), rows, numbers=(1,))
+    return sets
 
 
 def refuse_occupied(folder: Path, *, overwrite: bool) -> None:

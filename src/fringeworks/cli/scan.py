@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -61,10 +61,11 @@ def scan(
     with output.working() as progress:
         calibrated = read_rig(rig)
         read = read_capture(capture, group=group, progress=progress)
-        output.findings(read)
+        output.findings(read.name, read.findings)
         decoding = decode_phases(read)
         rules = CloudRules(axis=axis, z_range_mm=depths)
         cloud = cloud_of(read, decoding.projector_map(), calibrated, rules=rules)
+        output.findings(read.name, cloud.findings)
         write_cloud(out, cloud)
         drawn: list[Path] = []
         if figures is not None:
@@ -74,8 +75,19 @@ def scan(
             drawn = [*save_decoding(decoding, figures), *save_cloud(cloud, figures)]
 
     summary = summarise_cloud(cloud)
+    describe_cloud(output, read.name, summary)
+    output.written([out])
+    output.written(drawn)
+    output.result(
+        {"capture": read.name, "rig": rig, "out": out, **summary, "figures": drawn}
+        | {"findings": [str(finding) for finding in (*read.findings, *cloud.findings)]}
+    )
+
+
+def describe_cloud(output: Output, name: str, summary: dict[str, Any]) -> None:
+    """Print a cloud's summary."""
     z, epipolar = summary["z_mm"], summary["epipolar_rms_px"]
-    output.line(f"{read.name}: {summary['points']} points, frame: {cloud.frame}")
+    output.line(f"{name}: {summary['points']} points, frame: {summary['frame']}")
     facts = [
         ("pixels with a point", percent(summary["valid_share"])),
         ("depth z", f"{z['p1']:.1f} to {z['p99']:.1f} mm, median {z['median']:.1f} mm"),
@@ -84,9 +96,3 @@ def scan(
     if epipolar is not None:
         facts.append(("epipolar rms", f"{epipolar:.3f} projector px"))
     output.facts(facts)
-    output.written([out])
-    output.written(drawn)
-    output.result(
-        {"capture": read.name, "rig": rig, "out": out, **summary, "figures": drawn}
-        | {"findings": [str(finding) for finding in read.findings]}
-    )
