@@ -158,7 +158,7 @@ def _notice_epipolar(off: NDArray[np.bool_], in_window: NDArray[np.bool_]) -> tu
         raise DecodeError(
             f"{share:.0%} of the points in the depth range miss their epipolar line: this rig did "
             "not take the capture, or its camera or projector has moved, or the images or axes in "
-            "capture.toml are swapped or mirrored (one axis alone, --axis x or y, has no such check)"
+            "capture.toml are swapped or mirrored (--axis x or y scans without this check)"
         )
     if share < SUSPICIOUS_SHARE:
         return ()
