@@ -111,8 +111,7 @@ def arctangent_error(count: int) -> Metric:
 
 def _phase(fringe: Fringe) -> NDArray[np.float64]:
     """Absolute phase, rad, ``(W,)``, where projector columns are camera columns."""
-    column = np.arange(WIDTH, dtype=np.float64)
-    return np.asarray(2 * np.pi * (column - fringe.zero_px) / fringe.period_px, dtype=np.float64)
+    return np.array([fringe.phase_at(column) for column in range(WIDTH)])
 
 
 def _frames(fringe: Fringe, rows: int, *, noise: float, rng: np.random.Generator) -> Frames:

@@ -69,9 +69,13 @@ class ViewRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibrationRecord:
-    """What `make_record` wrote, as far as anybody reads it; failed captures as (name, reason)."""
+    """What `make_record` wrote, as far as anybody reads it; failed captures as (name, reason).
+
+    `rms_of_all_px` holds camera, projector and both over all corners, kept or not.
+    """
 
     views: tuple[ViewRecord, ...]
+    rms_of_all_px: tuple[float, float, float]
     findings: tuple[Finding, ...]
     failed_captures: tuple[tuple[str, str], ...]
 
@@ -169,7 +173,14 @@ class _FailedTable(_Table):
     reason: str
 
 
+class _RmsTable(_Table):
+    camera: NotNegative
+    projector: NotNegative
+    joint: NotNegative
+
+
 class _RecordTable(_Table):
+    rms_of_all_px: _RmsTable
     views: Annotated[list[_ViewTable], Field(min_length=1)]
     findings: list[Finding]
     failed_captures: list[_FailedTable]
@@ -193,8 +204,10 @@ def read_record(further: Mapping[str, Any]) -> CalibrationRecord | None:
         raise FormatError(
             f"the rig's record of its calibration is damaged: {key}: {first['msg']}"
         ) from error
+    over_all = table.rms_of_all_px
     return CalibrationRecord(
         views=tuple(_read_view(view, index) for index, view in enumerate(table.views)),
+        rms_of_all_px=(over_all.camera, over_all.projector, over_all.joint),
         findings=tuple(table.findings),
         failed_captures=tuple((failed.name, failed.reason) for failed in table.failed_captures),
     )

@@ -210,18 +210,16 @@ def describe_boards(output: Output, found: Found) -> None:
 
 def compare(chosen: DemoSet, rig: Rig) -> list[dict[str, Any]]:
     """Rows of name, unit, and the number over kept corners, over all corners, and OpenCV's."""
-    assert rig.quality is not None
-    quality, over_all = rig.quality, rig.further["calibration"]["rms_of_all_px"]
+    from fringeworks.calibrate.record import read_record
+
+    record, quality = read_record(rig.further), rig.quality
+    assert record is not None
+    assert quality is not None
+    camera, projector, joint = record.rms_of_all_px
     numbers = (
-        ("camera rms", "px", quality.camera_rms_px, over_all["camera"], chosen.camera_rms_px),
-        (
-            "projector rms",
-            "px",
-            quality.projector_rms_px,
-            over_all["projector"],
-            chosen.projector_rms_px,
-        ),
-        ("joint rms", "px", quality.joint_rms_px, over_all["joint"], chosen.joint_rms_px),
+        ("camera rms", "px", quality.camera_rms_px, camera, chosen.camera_rms_px),
+        ("projector rms", "px", quality.projector_rms_px, projector, chosen.projector_rms_px),
+        ("joint rms", "px", quality.joint_rms_px, joint, chosen.joint_rms_px),
         ("baseline", "mm", rig.baseline_mm, None, chosen.baseline_mm),
     )
     return [

@@ -32,6 +32,7 @@ from fringeworks.model.sequence import (
     Staircase,
     Uniform,
     gray_bits,
+    gray_cells,
     pixel_on_edge,
 )
 
@@ -72,6 +73,7 @@ __all__ = [
     "WrappedPhase",
     "describe_voids",
     "gray_bits",
+    "gray_cells",
     "no_progress",
     "pixel_on_edge",
 ]

@@ -267,8 +267,12 @@ def shifts_are_solvable(shifts_rad: tuple[float, ...]) -> bool:
 
 def gray_bits(extent_px: float, cell_px: float) -> int:
     """Bits of a Gray code whose cells of `cell_px` cover `extent_px` projector pixels."""
-    cells = math.ceil(extent_px / cell_px - 1e-9)
-    return max(1, (cells - 1).bit_length())
+    return max(1, (gray_cells(extent_px, cell_px) - 1).bit_length())
+
+
+def gray_cells(extent_px: float, cell_px: float) -> int:
+    """Cells of `cell_px` that it takes to cover `extent_px`; one all but whole counts as whole."""
+    return math.ceil(extent_px / cell_px - 1e-9)
 
 
 def pixel_on_edge(extent: int, step_px: float, *, edge_px: float = PROJECTOR_EDGE_PX) -> int | None:

@@ -34,6 +34,8 @@ from fringeworks.phase.temporal import plan_chain, run_chain
 OUTSIDE_SIGMAS = 5.0
 """A coordinate outside the projector's image by more than this many sigma is void."""
 
+NOTHING_CODED = "The capture has neither fringes nor a Gray code"
+
 SAFE_MARGIN = 0.1
 SAFE_SIGMAS = 5.0
 """Under a Gray code noise decides the order where a doubtful bit leaves less margin than the
@@ -77,9 +79,6 @@ class Decoding:
         return ProjectorMap(by_name.get("x"), by_name.get("y"))
 
 
-NOTHING_CODED = "The capture has neither fringes nor a Gray code"
-
-
 def decode_capture(
     capture: Capture, *, group: str | None = None, rules: MaskRules | None = None
 ) -> ProjectorMap:
@@ -119,19 +118,18 @@ def decode_phases(
     coded: list[CodedAxis] = []
     relative: list[tuple[WrappedPhase, str]] = []
     for axis in AXES:
-        here = phases[axis]
-        fringes = [*here, *(item for other in AXES if other != axis for item in phases[other])]
+        here, any_axis = phases[axis], [item for items in phases.values() for item in items]
         reading = read_gray(
             chosen,
             axis,
-            fringes=next(iter(fringes), None),
+            fringes=next(iter(here or any_axis), None),
             least_modulation=rules.modulation_share * chosen.sensor.full_scale,
         )
-        if not here:
-            coded += [] if reading is None else [_axis_from_gray(chosen, reading, rules)]
-            continue
         try:
-            coded.append(_axis_from_fringes(chosen.sequence.extent(axis), reading, here))
+            if here:
+                coded.append(_axis_from_fringes(chosen.sequence.extent(axis), reading, here))
+            elif reading is not None:
+                coded.append(_axis_from_gray(chosen, reading, rules))
         except DecodeError as error:
             relative.append((_finest(here), str(error)))
     return Decoding(tuple(coded), tuple(relative))

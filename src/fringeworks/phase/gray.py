@@ -21,11 +21,17 @@ from numpy.typing import NDArray
 
 from fringeworks.errors import FormatError
 from fringeworks.kernels.orders import gray_index
-from fringeworks.model import Axis, Capture, FloatMap, Frames, GrayCode, Noise, WrappedPhase
+from fringeworks.model import (
+    Axis,
+    Capture,
+    FloatMap,
+    Frames,
+    GrayCode,
+    Noise,
+    WrappedPhase,
+    gray_cells,
+)
 from fringeworks.phase.noise import image_noise
-
-WHOLE = 1e-9
-"""A number of cells this close to a whole one is whole."""
 
 DOUBT_SIGMAS = 2.0
 
@@ -103,7 +109,7 @@ def decode_gray(
     if code.complementary:
         gray_index(frames[code.bits : code.bits + 1], level, doubt, index, doubtful)
     centre: FloatMap = (index.astype(np.float32) + 0.5) * code.code_px - 0.5
-    outside = index >= math.ceil(extent / code.code_px - WHOLE)
+    outside = index >= gray_cells(extent, code.code_px)
     centre[outside | (doubtful >= 2)] = np.nan
     return centre, doubtful == 1
 

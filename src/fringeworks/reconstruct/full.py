@@ -106,12 +106,11 @@ def triangulate(
         sigma,
         epipolar,
     )
-    in_window = np.isfinite(sigma)
-    off: NDArray[np.bool_] | None = None
+    found: tuple[Finding, ...] = ()
     if column is not None and row is not None:
         off = np.abs(epipolar) > _epipolar_limit(column, row, rules)
+        found = _notice_epipolar(off, np.isfinite(sigma))
         xyz[off], sigma[off], epipolar[off] = np.nan, np.nan, np.nan
-    found = () if off is None else _notice_epipolar(off, in_window)
     if not np.isfinite(sigma).any():
         raise DecodeError(_no_point_message(projector_map, window))
     shade = projector_map.axes[0].offset if intensity is None else intensity
