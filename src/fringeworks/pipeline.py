@@ -9,7 +9,14 @@ Each step is a pure function of one room; here they only follow each other.
 from __future__ import annotations
 
 from fringeworks.errors import ShapeError
-from fringeworks.geometry.forms import PlaneFit, fit_plane
+from fringeworks.geometry.forms import (
+    CylinderFit,
+    PlaneFit,
+    SphereFit,
+    fit_cylinder,
+    fit_plane,
+    fit_sphere,
+)
 from fringeworks.measure.board import BoardPlane, BoardSpacing, corner_spacing, fit_board
 from fringeworks.measure.region import Region, select_points
 from fringeworks.model import Capture, CheckerboardTarget, Cloud, ProjectorMap, Rig
@@ -56,6 +63,16 @@ def cloud_of(
 def measure_plane(cloud: Cloud, region: Region | None = None) -> PlaneFit:
     """Orthogonal least-squares plane through the region's points."""
     return fit_plane(select_points(cloud, region or Region()))
+
+
+def measure_sphere(cloud: Cloud, region: Region | None = None) -> SphereFit:
+    """Orthogonal least-squares sphere through the region's points."""
+    return fit_sphere(select_points(cloud, region or Region()))
+
+
+def measure_cylinder(cloud: Cloud, region: Region | None = None) -> CylinderFit:
+    """Orthogonal least-squares cylinder through the region's points."""
+    return fit_cylinder(select_points(cloud, region or Region()))
 
 
 def measure_board(

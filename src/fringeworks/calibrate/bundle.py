@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.calibrate.local_fit import MAD_TO_SIGMA
-from fringeworks.calibrate.minimise import Block, minimise
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.settings import CalibrationSettings
 from fringeworks.geometry.lens import LENS_NAMES, project_jacobian
+from fringeworks.geometry.minimise import Block, minimise
 from fringeworks.geometry.pose import rotate_jacobian, rotation_matrix
 
 Array = NDArray[np.float64]

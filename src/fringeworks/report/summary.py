@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.geometry.forms import PlaneFit
+from fringeworks.geometry.forms import CylinderFit, PlaneFit, SphereFit
 from fringeworks.model import Cloud, CodedAxis, Lens, Noise, Rig, Void, WrappedPhase
 from fringeworks.model.phase import VOID_WORDS, VoidMap
 from fringeworks.phase.decode import Decoding
@@ -102,6 +102,34 @@ def summarise_plane(plane: PlaneFit) -> Summary:
         "form_rms_mm": plane.form_rms_mm,
         "band95_mm": plane.band95_mm,
         "points": len(plane.deviations_mm),
+    }
+
+
+def summarise_sphere(sphere: SphereFit) -> Summary:
+    """The sphere and how far its points lie from it."""
+    return {
+        "centre_mm": [float(value) for value in sphere.centre_mm],
+        **_round(sphere),
+    }
+
+
+def summarise_cylinder(cylinder: CylinderFit) -> Summary:
+    """The cylinder and how far its points lie from it."""
+    return {
+        "axis_point_mm": [float(value) for value in cylinder.axis_point_mm],
+        "axis_direction": [float(value) for value in cylinder.axis_direction],
+        **_round(cylinder),
+    }
+
+
+def _round(form: SphereFit | CylinderFit) -> Summary:
+    return {
+        "radius_mm": form.radius_mm,
+        "radius_sigma_mm": form.radius_sigma_mm,
+        "form_rms_mm": form.form_rms_mm,
+        "range_mm": form.range_mm,
+        "band95_mm": form.band95_mm,
+        "points": len(form.deviations_mm),
     }
 
 

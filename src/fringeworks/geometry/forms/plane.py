@@ -1,4 +1,4 @@
-"""Forms fitted by orthogonal least squares."""
+"""Planes by orthogonal least squares."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.errors import MeasurementError
+from fringeworks.geometry.forms.checks import check_points
+from fringeworks.geometry.forms.deviations import band95_of, range_of, rms_per_freedom
 
 Array = NDArray[np.float64]
 
@@ -27,31 +29,30 @@ class PlaneFit:
     @property
     def form_rms_mm(self) -> float:
         """Root mean square distance, per degree of freedom (three parameters are fitted)."""
-        freedom = max(len(self.deviations_mm) - 3, 1)
-        return float(np.sqrt(np.sum(self.deviations_mm**2) / freedom))
+        return rms_per_freedom(self.deviations_mm, parameters=3)
 
     @property
     def flatness_mm(self) -> float:
         """Range of the signed distances: grows with the number of points by noise alone."""
-        return float(np.ptp(self.deviations_mm))
+        return range_of(self.deviations_mm)
 
     @property
     def band95_mm(self) -> float:
         """Width between the 2.5 % and 97.5 % quantiles of the distances (ISO 10360-13's manner)."""
-        low, high = np.quantile(self.deviations_mm, [0.025, 0.975])
-        return float(high - low)
+        return band95_of(self.deviations_mm)
 
 
 def fit_plane(points: Array) -> PlaneFit:
-    """Orthogonal least-squares plane through points ``(n, 3)``, mm.
+    """Orthogonal least-squares plane through points ``(n, 3)``, mm; no point is left out.
 
     Raises
     ------
     MeasurementError
-        Fewer than three points, or all of them on one line.
+        Fewer than three points, some of them not finite, or all of them on one line.
+    ShapeError
+        Not ``(n, 3)``.
     """
-    if len(points) < 3:
-        raise MeasurementError(f"a plane needs at least 3 points, got {len(points)}")
+    check_points(points, form="plane", least=3)
     centre = points.mean(axis=0)
     centred = points - centre
     spread, axes = np.linalg.eigh(centred.T @ centred)

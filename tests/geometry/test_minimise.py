@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from fringeworks.calibrate.minimise import Block, Model, minimise
+from fringeworks.geometry.minimise import Block, Model, minimise
 
 Array = NDArray[np.float64]
 TIMES = np.linspace(0, 4, 40)

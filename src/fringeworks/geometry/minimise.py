@@ -1,13 +1,14 @@
 """Levenberg-Marquardt with Huber's loss on normal equations that are summed block by block.
 
-A view's residuals depend on the shared parameters and on its own pose alone, so that the blocks
-are small. `scipy.optimize.least_squares` finds the same minimum by a singular value decomposition
-of the whole Jacobian at every step, ten times slower for 25 views. The inverse of the normal
-matrix is the covariance of the parameters.
+In a bundle a view's residuals depend on the shared parameters and on its own pose alone, so that
+the blocks are small; a form is one block. `scipy.optimize.least_squares` finds the same minimum by
+a singular value decomposition of the whole Jacobian at every step, ten times slower for 25 views.
+The inverse of the normal matrix is the covariance of the parameters.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -53,8 +54,8 @@ class _Point:
     normal: Array
 
 
-def minimise(model: Model, start: Array, *, huber: float) -> Minimum:
-    """Least sum of Huber losses of the residuals, beyond `huber` linear.
+def minimise(model: Model, start: Array, *, huber: float = math.inf) -> Minimum:
+    """Least sum of Huber losses of the residuals, beyond `huber` linear; without it, of squares.
 
     It ends where Newton's step would move the residuals by less than 1e-6 standard deviations in
     all, or lower the loss by less than 1e-12 of it, or where rounding hides any gain. Not
@@ -112,7 +113,8 @@ def _evaluate(model: Model, parameters: Array, huber: float) -> _Point:
         size = np.abs(residuals)
         far = size > huber
         loss += float(np.sum(np.where(far, huber * (size - huber / 2), size**2 / 2)))
-        weights = np.where(far, huber / np.maximum(size, huber), 1.0)
+        weights = np.ones_like(size)
+        weights[far] = huber / size[far]
         weighted = jacobian * weights[:, None]
         gradient[columns] += weighted.T @ residuals
         # einsum, since BLAS would wake all its threads for each of these small products
