@@ -21,7 +21,7 @@ CANDIDATES := $(if $(PYTHON),$(PYTHON),python3 python3.13 python3.12 python3.11 
 
 help:
 	@echo "make setup    everything into $(VENV)"
-	@echo "make demo     the whole line on real captures, results in $(OUT)"
+	@echo "make demo     the whole loop, simulated and on a real capture, results in $(OUT)"
 	@echo "make test     all tests (PYTEST_ARGS='-k gray' to choose)"
 	@echo "make lint     ruff, mypy --strict, import-linter"
 	@echo "make format   let ruff rewrite"
@@ -34,7 +34,7 @@ setup: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt
 	@$(call make_venv,$(VENV))
 	@echo "setup: installing fringeworks and its tools into $(VENV) (the first time takes minutes)"
-	@$(BIN)/python $(PIP_INSTALL) -c constraints.txt -e '.[dev]'
+	@$(BIN)/python $(PIP_INSTALL) -c constraints.txt -e '.[dev,mesh]'
 	@touch $@
 	@echo "setup: done, try $(BIN)/fringeworks --help"
 

@@ -1,6 +1,7 @@
 """How every kernel is compiled: cached on disk, division by zero as in numpy, fused multiply-add.
 
-Contraction is the only liberty taken with floating point: NaN keeps its meaning.
+Kernels run without the GIL, so threads may share the work. Contraction is the only liberty taken
+with floating point: NaN keeps its meaning.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ def inlined(function: F) -> F:
 
 
 def _compiled(function: F, further: dict[str, Any]) -> F:
-    flags: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, **further}
+    flags: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True}
+    flags |= further
     try:
         return cast(F, njit(cache=True, **flags)(function))
     except RuntimeError:  # neither the package's folder nor the user's cache can be written

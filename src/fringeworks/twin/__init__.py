@@ -1,0 +1,1 @@
+"""The digital twin: scene + rig + sequence -> capture, with its truth."""

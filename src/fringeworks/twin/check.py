@@ -1,0 +1,245 @@
+"""Scenes and effects that cannot be, said in words before any ray is cast."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from fringeworks.errors import UsageError
+from fringeworks.model import Pose
+from fringeworks.twin.effects import Effects
+from fringeworks.twin.meshes import check_mesh
+from fringeworks.twin.scene import (
+    Blend,
+    Board,
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Material,
+    Mesh,
+    Object,
+    Plane,
+    Scene,
+    Shape,
+    Sphere,
+)
+from fringeworks.twin.texture import print_of
+from fringeworks.twin.truth import Truth
+
+ROTATION_TOLERANCE = 1e-6
+
+
+def check_scene(scene: Scene) -> None:
+    """Refuse a scene that cannot be.
+
+    Raises
+    ------
+    UsageError
+        No object, two of one name, a size that is not positive, a material that gives back more
+        light than it gets, a place that is no rigid motion, a mesh or board that cannot be used, or
+        `posed` that names no object. The message names the object.
+    """
+    names = [thing.name for thing in scene.objects]
+    if not names:
+        raise UsageError(f"scene {scene.name!r} must have an object, got none")
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise UsageError(f"object names must differ, got {twice[0]!r} twice")
+    _check_poses(scene, names)
+    for thing in scene.objects:
+        _check_object(thing)
+
+
+def check_view(truth: Truth) -> None:
+    """Refuse a scene of which the rig sees, or lights, nothing.
+
+    Raises
+    ------
+    UsageError
+        No camera pixel meets an object, or the projector lights none of what the camera sees.
+    """
+    if not (truth.surface >= 0).any():
+        raise UsageError(
+            f"the camera sees nothing of the scene ({', '.join(truth.names)}): all of it lies "
+            "outside the view or behind the camera; check camera_from_object and the units (mm)"
+        )
+    if not np.isfinite(truth.column).any():
+        raise UsageError(
+            "the projector lights nothing of what the camera sees: the rig points away from the "
+            "scene; check projector_from_camera, and that the two fields of view meet at the "
+            "scene's depth"
+        )
+
+
+def check_effects(effects: Effects) -> None:
+    """Refuse magnitudes that make no sense.
+
+    Raises
+    ------
+    UsageError
+        The message names the effect.
+    """
+    camera, projector, ambient = effects.camera, effects.projector, effects.ambient
+    above_zero = {
+        "camera.exposure_ms": camera.exposure_ms,
+        "camera.full_well_e": camera.full_well_e,
+        "projector.light_per_ms": projector.light_per_ms,
+        "projector.gamma": projector.gamma,
+        "projector.focus_mm": projector.focus_mm,
+        "frame_interval_ms": effects.frame_interval_ms,
+    }
+    not_below_zero = {
+        "camera.read_noise_e": camera.read_noise_e,
+        "camera.black_level": camera.black_level,
+        "camera.prnu": camera.prnu,
+        "camera.dsnu": camera.dsnu,
+        "camera.pixel_seed": camera.pixel_seed,
+        "camera.blur_px": camera.blur_px,
+        "projector.blur_px": projector.blur_px,
+        "projector.defocus_px_m": projector.defocus_px_m,
+        "projector.flicker": projector.flicker,
+        "ambient.light_per_ms": ambient.light_per_ms,
+        "ambient.mains_hz": ambient.mains_hz,
+    }
+    shares = {
+        "camera.vignetting": camera.vignetting,
+        "projector.vignetting": projector.vignetting,
+        "projector.black_light": projector.black_light,
+        "ambient.ripple": ambient.ripple,
+    }
+    for name, value in above_zero.items():
+        _require(math.isfinite(value) and value > 0, name, "above 0", value)
+    for name, value in not_below_zero.items():
+        _require(math.isfinite(value) and value >= 0, name, "0 or above", value)
+    for name, value in shares.items():
+        _require(0 <= value <= 1, name, "a share, 0 to 1", value)
+    _check_choices(effects)
+
+
+def _check_choices(effects: Effects) -> None:
+    camera, projector = effects.camera, effects.projector
+    for name, bits in (("camera.bits", camera.bits), ("projector.bits", projector.bits)):
+        _require(bits in range(8, 17), name, "8 to 16", bits)
+    full = 2**camera.bits - 1
+    _require(camera.black_level < full, "camera.black_level", f"below {full}", camera.black_level)
+    lattices = ("square", "diamond", "none")
+    known = projector.lattice in lattices
+    _require(known, "projector.lattice", f"one of {', '.join(lattices)}", projector.lattice)
+    _require(effects.samples in (1, 4, 16), "samples", "1, 4 or 16", effects.samples)
+    _require(effects.bounces in (0, 1), "bounces", "0 or 1", effects.bounces)
+    _check_response(projector.response)
+
+
+def _check_response(response: tuple[tuple[float, float], ...]) -> None:
+    if not response:
+        return
+    points = np.array(response, dtype=np.float64)
+    inside = bool(((points >= 0) & (points <= 1)).all())
+    rises = len(points) > 1 and bool((np.diff(points, axis=0) > 0).all())
+    expected = "two points or more (level, light), 0 to 1, both rising"
+    _require(inside and rises, "projector.response", expected, response)
+
+
+def _check_poses(scene: Scene, names: list[str]) -> None:
+    if scene.posed is not None and scene.posed not in names:
+        offered = ", ".join(names)
+        raise UsageError(f"posed must be one of the objects ({offered}), got {scene.posed!r}")
+    if scene.poses and scene.posed is None:
+        raise UsageError("poses must come with posed, the name of the object they place")
+    for index, pose in enumerate(scene.poses):
+        _check_pose(pose, f"poses[{index}]")
+
+
+def _check_object(thing: Object) -> None:
+    _check_pose(thing.camera_from_object, f"{thing.name}.camera_from_object")
+    moves = all(math.isfinite(value) for value in thing.velocity_mm_s)
+    _require(moves, f"{thing.name}.velocity_mm_s", "finite", thing.velocity_mm_s)
+    _check_material(thing.material, thing.name)
+    _check_shape(thing.shape, thing.name)
+
+
+def _check_pose(pose: Pose, name: str) -> None:
+    rotation = np.asarray(pose.rotation)
+    rigid = np.allclose(rotation @ rotation.T, np.eye(3), rtol=0, atol=ROTATION_TOLERANCE)
+    proper = rigid and np.linalg.det(rotation) > 0
+    _require(proper, f"{name}'s rotation", "a rotation matrix", rotation.tolist())
+    finite = bool(np.isfinite(pose.translation_mm).all())
+    _require(finite, f"{name}'s translation", "finite", list(pose.translation_mm))
+
+
+def _check_material(material: Material, name: str) -> None:
+    for key in ("albedo", "dark_albedo", "gloss"):
+        value = getattr(material, key)
+        _require(0 <= value <= 1, f"{name}.{key}", "0 to 1", value)
+    total = material.albedo + material.gloss
+    _require(total <= 1 + 1e-9, f"{name}: albedo + gloss", "at most 1", total)
+    exponent = material.gloss_exponent
+    _require(0 < exponent < math.inf, f"{name}.gloss_exponent", "above 0", exponent)
+
+
+def _check_shape(shape: Shape, name: str) -> None:
+    match shape:
+        case Mesh():
+            check_mesh(shape)
+        case Blend():
+            _check_blend(shape, name)
+        case Board():
+            _check_board(shape, name)
+        case Plane():
+            for key in ("width_mm", "height_mm"):
+                _require(getattr(shape, key) > 0, f"{name}.{key}", "above 0", getattr(shape, key))
+        case Box():
+            _require_sizes(shape.size_mm, f"{name}.size_mm")
+        case Sphere():
+            _require_sizes([shape.radius_mm], f"{name}.radius_mm")
+        case Cylinder():
+            _require_sizes([shape.radius_mm, shape.length_mm], f"{name}: radius and length")
+        case Cone():
+            _require_sizes([shape.radius_mm, shape.height_mm], f"{name}: radius and height")
+
+
+def _check_blend(blend: Blend, name: str) -> None:
+    _require(len(blend.capsules) > 0, f"{name}.capsules", "one or more", 0)
+    smooth = blend.smooth_mm
+    _require(0 <= smooth < math.inf, f"{name}.smooth_mm", "0 or above", smooth)
+    for index, capsule in enumerate(blend.capsules):
+        _check_capsule(capsule, f"{name}.capsules[{index}]")
+
+
+def _check_capsule(capsule: Capsule, name: str) -> None:
+    _require_sizes([capsule.start_radius_mm, capsule.end_radius_mm], f"{name}: radii")
+    ends = (*capsule.start_mm, *capsule.end_mm)
+    _require(all(math.isfinite(value) for value in ends), f"{name}: ends", "finite", ends)
+
+
+def _check_board(board: Board, name: str) -> None:
+    for key in ("columns", "rows"):
+        count = getattr(board, key)
+        _require(count >= 2, f"{name}.{key}", "2 inner corners or more", count)
+    _require_sizes([board.square_mm], f"{name}.square_mm")
+    not_below_zero = {"margin_mm": board.margin_mm, "print_sigma_mm": board.print_sigma_mm}
+    for key, value in not_below_zero.items():
+        _require(0 <= value < math.inf, f"{name}.{key}", "0 or above", value)
+    sigma = board.print_sigma_mm
+    limit = board.square_mm / 10
+    _require(sigma <= limit, f"{name}.print_sigma_mm", f"at most a tenth square ({limit:g})", sigma)
+    scale = all(abs(value) < 0.5 for value in board.print_scale)
+    _require(scale, f"{name}.print_scale", "shares between -0.5 and 0.5", board.print_scale)
+    bow = all(math.isfinite(value) for value in board.bow_mm)
+    _require(bow, f"{name}.bow_mm", "finite", board.bow_mm)
+    known = board.kind in ("checkerboard", "charuco")
+    _require(known, f"{name}.kind", "checkerboard or charuco", board.kind)
+    print_of(board)
+
+
+def _require_sizes(values: Iterable[float], name: str) -> None:
+    values = tuple(values)
+    _require(all(0 < v < math.inf for v in values), name, "above 0 and finite", values)
+
+
+def _require(holds: bool, name: str, expected: str, actual: object) -> None:
+    if not holds:
+        raise UsageError(f"{name} must be {expected}, got {actual}")
