@@ -1,12 +1,16 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
-from fringeworks.errors import FormatError
-from fringeworks.files import read_board
+from fringeworks.errors import FormatError, UsageError
+from fringeworks.files import read_board, write_board
 from fringeworks.model import CheckerboardTarget
 
 GOOD = 'kind = "checkerboard"\ncolumns = 11\nrows = 8\n'
@@ -28,6 +32,41 @@ def test_every_key(tmp_path: Path) -> None:
     )
     expected = CheckerboardTarget(11, 8, 13.01, 12.99, 0.002, 2.4e-5, 20.0)
     assert board(tmp_path, text) == expected
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    columns=st.integers(3, 1000),
+    pitches=st.tuples(st.floats(0.1, 1e4), st.floats(0.1, 1e4)),
+    further=st.tuples(
+        st.none() | st.floats(0, 1), st.none() | st.floats(-1e-2, 1e-2), st.none() | st.just(-5.0)
+    ),
+)
+def test_boards_read_back(tmp_path: Path, columns: int, pitches: Any, further: Any) -> None:
+    for pair in (pitches, pitches[:1] * 2):
+        target = CheckerboardTarget(columns, 8, *pair, *further)
+        write_board(tmp_path / "board.toml", target)
+        assert read_board(tmp_path / "board.toml") == target
+
+
+def test_square_boards_say_their_square(tmp_path: Path) -> None:
+    write_board(tmp_path / "board.toml", CheckerboardTarget(11, 8, 13.0, 13.0))
+    assert (tmp_path / "board.toml").read_text() == GOOD + "square_mm = 13.0\n"
+
+
+@pytest.mark.parametrize(
+    ("target", "message"),
+    [
+        (CheckerboardTarget(2, 8, 13.0, 13.0), "this board could not be read back: .*columns mu"),
+        (CheckerboardTarget(11, 8, 13.0, 0.0), "pitch_y_mm must be 0.1 to 10000, got 0"),
+        (CheckerboardTarget(11, 8, 13.0, math.inf), "give either square_mm, or both"),
+        (CheckerboardTarget(11, 8, 13.0, 13.0, math.nan), "pitch_sigma_mm must be a finite"),
+    ],
+)
+def test_what_cannot_be_written(tmp_path: Path, target: CheckerboardTarget, message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        write_board(tmp_path / "board.toml", target)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_real_board(real: Callable[[str], Path]) -> None:

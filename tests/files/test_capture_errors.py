@@ -155,7 +155,7 @@ DESCRIPTIONS: list[tuple[Callable[[Document], None], str]] = [
         "set 5 (gray): Gray codes with axis 'x', cell_px = 8 stand twice in one group, here and "
         "in set 2 (gray)",
     ),
-    (at_top(camera={"gain": 0.0}), "capture.toml: camera.gain must be > 0, got 0.0"),
+    (at_top(camera={"gain": -0.1}), "capture.toml: camera.gain must be >= 0, got -0.1"),
     (
         at_top(camera={"full_scale": 4095}),
         "capture.toml: camera.full_scale must be at most 255 for uint8 images, got 4095",

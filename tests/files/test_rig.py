@@ -16,6 +16,8 @@ from fringeworks.errors import FormatError, UsageError
 from fringeworks.files import read_rig, write_rig
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import Camera, Lens, Pose, Projector, Quality, Rig
+from fringeworks.twin.optics import optics_of
+from fringeworks.twin.scenes import RIGS, named_rig
 
 RIG = Rig(
     camera=Camera(752, 480, Lens(1974.1, 1970.2, 376.3, 240.4, -0.1, 0.05, 2e-4, -3e-4, 0.01)),
@@ -99,6 +101,29 @@ def test_further_keys_are_kept(tmp_path: Path) -> None:
     np.testing.assert_array_equal(covariance, further["covariance"])
     write_rig(tmp_path / "again.json", replace(RIG, further=again))
     assert (tmp_path / "again.json").read_text() == (tmp_path / "rig.json").read_text()
+
+
+BEYOND = {
+    "camera": {"k4": 0.02, "k5": -0.01, "k6": 0.01, "pupil_shift_mm": 0.5},
+    "projector": {"pupil_shift_mm": -1},
+}
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_named_rigs_read_back(tmp_path: Path, name: str) -> None:
+    write_rig(tmp_path / "rig.json", named_rig(name))
+    again = read_rig(tmp_path / "rig.json")
+    assert_same(again, named_rig(name))
+    assert again.further == named_rig(name).further
+
+
+def test_what_the_twin_alone_reads_is_kept(tmp_path: Path) -> None:
+    write_rig(tmp_path / "rig.json", replace(RIG, further={"twin": BEYOND}))
+    again = read_rig(tmp_path / "rig.json")
+    assert again.further == {"twin": BEYOND}
+    camera, projector = optics_of(again)
+    assert (camera.rational, camera.pupil_shift_mm) == ((0.02, -0.01, 0.01), 0.5)
+    assert (projector.rational, projector.pupil_shift_mm) == ((0.0, 0.0, 0.0), -1.0)
 
 
 def test_number_arrays_stand_on_one_line(tmp_path: Path) -> None:
@@ -198,6 +223,14 @@ QUALITY = dict.fromkeys(("camera_rms_px", "projector_rms_px", "joint_rms_px"), 0
         (at_top(volume_mm={"z_min": 5, "z_max": 5}), "volume_mm.z_max must be > z_min = 5, got 5"),
         (at_top(volume_mm={"z_min": 5}), "volume_mm.z_max is missing"),
         (at_top(units={"length": "m", "angle": "rad", "image": "px"}), "units.length must be 'mm'"),
+        (at_top(twin={"laser": {}}), "unknown key 'twin.laser'; known here: camera, projector"),
+        (
+            at_top(twin={"camera": {"k7": 1}}),
+            "unknown key 'twin.camera.k7'; known here: k4",
+        ),
+        (at_top(twin={"camera": {"k4": "1"}}), "twin.camera.k4 must be a number, got '1'"),
+        (at_top(twin={"projector": 3}), "twin.projector must be a table, got 3"),
+        (at_top(twin=None), "twin must be a table, got None"),
         (
             at_top(quality={**QUALITY, "views_used": -1}),
             "quality.views_used must be >= 0, got -1",
@@ -231,6 +264,7 @@ def test_what_is_no_rig(tmp_path: Path, text: str, message: str) -> None:
     ("changes", "message"),
     [
         ({"further": {"weather": 1}}, r"keys of .*, got \['weather'\]"),
+        ({"further": {"twin": {"camera": {"k4": np.nan}}}}, "twin.camera.k4 must be a number"),
         ({"further": {"response": object()}}, "cannot be written as JSON"),
         ({"further": {"response": np.array([np.inf])}}, "cannot be written as JSON"),
         ({"camera": Camera(640, 480, Lens(np.nan, 1, 1, 1))}, "cannot be written as JSON"),

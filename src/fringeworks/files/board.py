@@ -1,4 +1,4 @@
-"""Read ``board.toml``: the calibration board."""
+"""Read and write ``board.toml``: the calibration board."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from fringeworks.errors import FormatError
+from fringeworks.files.atomic import write_text
+from fringeworks.files.nouns import describe_noun
+from fringeworks.files.toml import lay_out_toml
 from fringeworks.files.validation import Table, read_toml, shorten, validated
 from fringeworks.model.board import CheckerboardTarget
 
@@ -41,7 +44,28 @@ def read_board(path: str | Path) -> CheckerboardTarget:
         Not TOML, a key missing, unknown or out of bounds, or a kind that is not supported yet.
     """
     path = Path(path)
-    document = read_toml(path)
+    return _parse(read_toml(path), path)
+
+
+def write_board(path: str | Path, target: CheckerboardTarget) -> None:
+    """Write ``board.toml``, atomic; it reads back as it is.
+
+    Raises
+    ------
+    UsageError
+        A board that `read_board` would refuse.
+    FormatError
+        The file cannot be written.
+    """
+    path = Path(path)
+    keys = {"kind": "checkerboard", **describe_noun(target)}
+    if target.pitch_x_mm == target.pitch_y_mm:
+        keys["square_mm"] = keys.pop("pitch_x_mm")
+        del keys["pitch_y_mm"]
+    write_text(path, lay_out_toml(keys, lambda again: _parse(again, path), what="board"))
+
+
+def _parse(document: dict[str, Any], path: Path) -> CheckerboardTarget:
     _check_kind(document, path)
     board = validated(CheckerboardFile, document, path)
     pitch_x, pitch_y = _pitch(board, path)

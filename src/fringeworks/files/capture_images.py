@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from fringeworks.errors import FormatError
 from fringeworks.files.image_header import ImageHeader, inspect_image
 from fringeworks.files.images import decode_image, quiet_opencv, to_grey
+from fringeworks.files.inside import locate_inside
 from fringeworks.files.validation import SHOWN
 from fringeworks.model.capture import Frames
 from fringeworks.model.progress import Progress, no_progress
@@ -50,7 +51,7 @@ def locate_images(folder: Path, names: Iterable[str]) -> list[Path]:
         the message counts them and names the first few.
     """
     wanted = list(names)
-    paths = [_inside(folder, name) for name in wanted]
+    paths = [locate_inside(folder, name, what="image", whose="capture") for name in wanted]
     missing = [name for name, path in zip(wanted, paths, strict=True) if not _is_file(path)]
     if missing:
         missing = list(dict.fromkeys(missing))
@@ -60,24 +61,6 @@ def locate_images(folder: Path, names: Iterable[str]) -> list[Path]:
             "record them, or correct the names in capture.toml"
         )
     return paths
-
-
-def _inside(folder: Path, name: str) -> Path:
-    windows = PureWindowsPath(name)
-    if not name or "\0" in name or "\\" in name:
-        raise FormatError(f"{folder}: image path {name!r} must be a name, with / between folders")
-    leaves = windows.drive or windows.root or ".." in PurePosixPath(name).parts
-    try:
-        path = folder / name
-        leaves = leaves or not path.resolve().is_relative_to(folder.resolve())
-    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a name too long
-        raise FormatError(f"{folder}: image path {name!r} cannot be followed ({error})") from None
-    if leaves:
-        raise FormatError(
-            f"{folder}: image path {name!r} leaves the capture's folder; "
-            "copy the image into it (links to elsewhere are not followed)"
-        )
-    return path
 
 
 def _is_file(path: Path) -> bool:

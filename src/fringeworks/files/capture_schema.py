@@ -214,7 +214,7 @@ class CameraTable(Table):
 
     full_scale: Annotated[float, Field(gt=0, le=65535)] | None = None
     black_level: NotNegative = 0.0
-    gain: Annotated[float, Field(gt=0, le=65535)] | None = None
+    gain: Annotated[float, Field(ge=0, le=65535)] | None = None
     read_noise: Annotated[float, Field(ge=0, le=65535)] | None = None
     temperature_c: float | None = None
 

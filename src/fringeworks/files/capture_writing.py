@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from collections.abc import Sequence as Items
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import tomlkit
-
 from fringeworks.errors import FormatError, ShapeError, UsageError
 from fringeworks.files.atomic import write_text
 from fringeworks.files.capture import CAPTURE_TOML, parse_capture
 from fringeworks.files.capture_schema import CAPTURE_FORMAT
 from fringeworks.files.images import write_image
+from fringeworks.files.toml import lay_out_toml
 from fringeworks.model.capture import Capture, Frames, Sensor
 from fringeworks.model.progress import Progress, no_progress
 from fringeworks.model.sequence import (
@@ -149,18 +147,9 @@ def describe_capture(
     document["set"] = [
         _describe_set(item, row) for item, row in zip(sequence.sets, names, strict=True)
     ]
-    return _checked(document)
-
-
-def _checked(document: dict[str, Any]) -> str:
-    try:
-        text = tomlkit.dumps(document)
-        parse_capture(tomllib.loads(text), Path(CAPTURE_TOML))
-    except FormatError as error:
-        raise UsageError(f"this capture could not be read back: {error}") from None
-    except (TypeError, ValueError) as error:  # tomlkit's own errors are ValueErrors
-        raise UsageError(f"this capture cannot be written as TOML: {error}") from error
-    return text
+    return lay_out_toml(
+        document, lambda again: parse_capture(again, Path(CAPTURE_TOML)), what="capture"
+    )
 
 
 def _clear(target: Path, *, overwrite: bool) -> None:

@@ -18,6 +18,7 @@ FURTHER_KEYS = (
     "covariance",
     "calibration",
     "provenance",
+    "twin",
 )
 """Keys that are kept as they stand in `Rig.further`; their owners check them."""
 
@@ -79,8 +80,24 @@ class QualityTable(Table):
     observations_offered: Count
 
 
+class BeyondTable(Table):
+    """What a simulated lens does beyond the five terms; see `twin.optics.Optics`."""
+
+    k4: float = 0.0
+    k5: float = 0.0
+    k6: float = 0.0
+    pupil_shift_mm: float = 0.0
+
+
+class TwinTable(Table):
+    """Read by the twin alone; neither a calibration nor a scan knows of it."""
+
+    camera: BeyondTable = BeyondTable()
+    projector: BeyondTable = BeyondTable()
+
+
 class RigFile(Table):
-    """The whole ``rig.json``; the keys of `FURTHER_KEYS` are free in form."""
+    """The whole ``rig.json``; of `FURTHER_KEYS` only `twin` has a form to keep to."""
 
     format: Literal["fringeworks-rig/1"]
     units: UnitsTable | None = None
@@ -94,3 +111,4 @@ class RigFile(Table):
     covariance: Any = None
     calibration: Any = None
     provenance: Any = None
+    twin: TwinTable = TwinTable()

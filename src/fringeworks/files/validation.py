@@ -6,13 +6,14 @@ import difflib
 import re
 import stat
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from fringeworks.errors import FormatError
+from fringeworks.errors import FormatError, UsageError
 
 MAX_TEXT_BYTES = 16 * 2**20
 """Largest description that is read; a capture.toml of a thousand images has 0.1 MB."""
@@ -97,6 +98,15 @@ def validated(model: type[Model], document: Mapping[str, Any], path: Path) -> Mo
         raise FormatError(format_problems(path, problems)) from None
 
 
+@contextmanager
+def refusing(path: Path) -> Iterator[None]:
+    """A UsageError of the block as a FormatError of the file that its values came from."""
+    try:
+        yield
+    except UsageError as error:
+        raise FormatError(f"{path}: {error}") from None
+
+
 def format_problems(path: Path, problems: list[str]) -> str:
     """The first few problems, one line each, every one with the file in front."""
     lines = [f"{path}: {problem}" for problem in problems[:SHOWN]]
@@ -116,12 +126,21 @@ def _line(model: type[BaseModel], item: Mapping[str, Any]) -> str:
     return f"{place}{_complaint(model, item, key)}"
 
 
+_KINDS = {"set": "kind", "object": "shape"}
+"""Arrays of tables of several kinds, and the key that tells which."""
+
+_COUNTED = (*_KINDS, "pose")
+"""Arrays of tables that messages count from 1; all other indices count from 0."""
+
+
 def _place(location: Location) -> tuple[str, str]:
-    """``set 3 (fringe): `` and the key within; indices count from 1 for sets only."""
-    if len(location) >= 2 and location[0] == "set" and isinstance(location[1], int):
-        kind = f" ({location[2]})" if len(location) > 2 else ""
-        return f"set {location[1] + 1}{kind}: ", _dotted(location[3:])
-    return "", _dotted(location)
+    """``set 3 (fringe): `` and the key within."""
+    if len(location) < 2 or location[0] not in _COUNTED or not isinstance(location[1], int):
+        return "", _dotted(location)
+    place, way = f"{location[0]} {location[1] + 1}", location[2:]
+    if way and location[0] in _KINDS:
+        place, way = f"{place} ({way[0]})", way[1:]
+    return f"{place}: ", _dotted(way)
 
 
 def _dotted(location: Location) -> str:
@@ -138,6 +157,7 @@ _COMPARISONS = {
 }
 _TYPES = {
     "float_type": "a number",
+    "bool_type": "true or false",
     "int_type": "a whole number",
     "string_type": "text",
     "list_type": "a list",
@@ -156,12 +176,11 @@ def _complaint(model: type[BaseModel], item: Mapping[str, Any], key: str) -> str
         known = _known_keys(model, item["loc"])
         return f"unknown key '{key}'{suggest(item['loc'][-1], known) or _list(known)}"
     if kind == "union_tag_not_found":
-        return "kind is missing"
+        return f"{_tag_name(context)} is missing"
     if kind == "union_tag_invalid":
         tags = [tag.strip(" '") for tag in context["expected_tags"].split(",")]
-        return f"kind must be one of {', '.join(tags)}, got '{context['tag']}'" + suggest(
-            context["tag"], tags
-        )
+        wanted = f"{_tag_name(context)} must be one of {', '.join(tags)}"
+        return f"{wanted}, got '{context['tag']}'" + suggest(context["tag"], tags)
     if kind in _COMPARISONS:
         text, bound = _COMPARISONS[kind]
         limit = context[bound]
@@ -174,10 +193,14 @@ def _complaint(model: type[BaseModel], item: Mapping[str, Any], key: str) -> str
     return f"{key}: {item['msg']}, got {given}"
 
 
+def _tag_name(context: Mapping[str, Any]) -> str:
+    return str(context["discriminator"]).strip("'")
+
+
 def _length(context: Mapping[str, Any]) -> str:
-    bound = context.get("max_length", context.get("min_length"))
-    if bound == 1:
+    if context.get("min_length") == 1:
         return "must not be empty"
+    bound = f"at most {context['max_length']}" if "max_length" in context else context["min_length"]
     return f"must hold {bound} entries, got {context['actual_length']}"
 
 
@@ -199,13 +222,14 @@ def _known_keys(model: type[BaseModel], location: Location) -> list[str]:
         if fields:
             tables = [table for field in fields for table in _tables_in(field.annotation)] or tables
         else:  # an index, the name in a mapping, or the tag of a union
-            tables = [table for table in tables if _tag(table) == part] or tables
+            tables = [table for table in tables if part in _tags(table)] or tables
     return list(dict.fromkeys(key for table in tables for key in table.model_fields))
 
 
-def _tag(table: type[BaseModel]) -> str | None:
-    field = table.model_fields.get("kind")
-    return next(iter(get_args(field.annotation)), None) if field else None
+def _tags(table: type[BaseModel]) -> list[Any]:
+    """Values of the key that tells a table's kind."""
+    found = [table.model_fields[key] for key in _KINDS.values() if key in table.model_fields]
+    return [tag for field in found for tag in get_args(field.annotation)]
 
 
 def _tables_in(annotation: object) -> list[type[BaseModel]]:

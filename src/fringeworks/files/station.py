@@ -1,0 +1,202 @@
+"""Read ``station.toml``: which devices there are, what they look at, and their timing."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import Field
+
+from fringeworks.errors import FormatError
+from fringeworks.files.rig import read_rig
+from fringeworks.files.scene import read_scene
+from fringeworks.files.sensor import read_sensor
+from fringeworks.files.validation import Table, check_format, read_toml, refusing, validated
+from fringeworks.model import Rig
+from fringeworks.twin.effects import Effects
+from fringeworks.twin.scene import Scene
+from fringeworks.twin.scenes import named_rig, named_scene
+
+STATION_FORMAT = "fringeworks-station/1"
+
+PLANNED_KINDS = {
+    "projector": ("window", "lightcrafter"),
+    "camera": ("genicam", "opencv", "folder"),
+}
+
+SHOWN_DIGITS = 12
+"""Digits of a file's SHA-256 that tell it from its earlier states."""
+
+Named = TypeVar("Named")
+Name = Annotated[str, Field(min_length=1)]
+Milliseconds = Annotated[float, Field(ge=0, le=60_000)]
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How long an acquisition waits.
+
+    Attributes
+    ----------
+    settle_ms
+        From showing an image until it is lit for certain: frames that begin earlier are not used.
+    timeout_s
+        Longest wait for a frame after that.
+    retries
+        How often an image is shown again after a wait in vain.
+    """
+
+    settle_ms: float = 60.0
+    timeout_s: float = 2.0
+    retries: int = 3
+
+
+DEFAULT_TIMING = Timing()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Station:
+    """A simulated station: the twin's scene before its rig.
+
+    Attributes
+    ----------
+    scene, rig, effects
+        What the camera sees, how, and what is wrong with it.
+    latency_ms
+        From the call to the projector until the image is lit.
+    exposure_ms
+        Of sets that do not say their own.
+    seed
+        Of the noise.
+    timing
+        How long an acquisition waits.
+    facts
+        What a capture's provenance says of the station, and what must be the same when an
+        acquisition goes on; files have their digest.
+    """
+
+    scene: Scene
+    rig: Rig
+    effects: Effects
+    latency_ms: float
+    exposure_ms: float
+    seed: int
+    timing: Timing
+    facts: Mapping[str, str | int | float]
+
+
+class ProjectorTable(Table):
+    """The projector; its latency is a simulated one's."""
+
+    kind: Literal["simulated"]
+    latency_ms: Milliseconds = 20.0
+
+
+class CameraTable(Table):
+    """The camera."""
+
+    kind: Literal["simulated"]
+    exposure_ms: Annotated[float, Field(gt=0, le=60_000)] | None = None
+
+
+class SimulatedTable(Table):
+    """What simulated devices look at: names, or files relative to the station's."""
+
+    scene: Name
+    rig: Name
+    sensor: Name | None = None
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+class TimingTable(Table):
+    """See `Timing`."""
+
+    settle_ms: Milliseconds = DEFAULT_TIMING.settle_ms
+    timeout_s: Annotated[float, Field(gt=0, le=3600)] = DEFAULT_TIMING.timeout_s
+    retries: Annotated[int, Field(ge=0, le=100)] = DEFAULT_TIMING.retries
+
+
+class StationFile(Table):
+    """The whole ``station.toml``."""
+
+    format: Literal["fringeworks-station/1"]
+    projector: ProjectorTable
+    camera: CameraTable
+    simulated: SimulatedTable
+    timing: TimingTable = TimingTable()
+
+
+def read_station(path: str | Path) -> Station:
+    """The station that ``station.toml`` describes, with all the files it names.
+
+    Raises
+    ------
+    FormatError
+        Not TOML, a key missing, unknown or out of bounds, a kind of device that is not supported
+        yet, a scene or rig that there is not; or as the readers of the files it names.
+    """
+    path = Path(path)
+    document = read_toml(path)
+    check_format(document, STATION_FORMAT, path)
+    _refuse_planned(document, path)
+    file = validated(StationFile, document, path)
+    seen = file.simulated
+    effects = Effects() if seen.sensor is None else read_sensor(path.parent / seen.sensor)
+    return Station(
+        scene=_resolve(seen.scene, path, named=named_scene, read=read_scene, suffix=".toml"),
+        rig=_resolve(seen.rig, path, named=named_rig, read=read_rig, suffix=".json"),
+        effects=effects,
+        latency_ms=file.projector.latency_ms,
+        exposure_ms=file.camera.exposure_ms or effects.camera.exposure_ms,
+        seed=seen.seed,
+        timing=Timing(**file.timing.model_dump()),
+        facts=_facts(file, path),
+    )
+
+
+def _refuse_planned(document: Mapping[str, Any], path: Path) -> None:
+    for device, planned in PLANNED_KINDS.items():
+        table = document.get(device)
+        kind = table.get("kind") if isinstance(table, dict) else None
+        if kind in planned:
+            raise FormatError(
+                f"{path}: {device}.kind '{kind}' is planned, not supported yet; use simulated"
+            )
+
+
+def _resolve(
+    name: str,
+    path: Path,
+    *,
+    named: Callable[[str], Named],
+    read: Callable[[Path], Named],
+    suffix: str,
+) -> Named:
+    """What has this name, or what stands in the file of this name."""
+    if Path(name).suffix == suffix:
+        return read(path.parent / name)
+    with refusing(path):
+        return named(name)
+
+
+def _facts(file: StationFile, path: Path) -> dict[str, str | int | float]:
+    seen = file.simulated
+    names = {"scene": seen.scene, "rig": seen.rig, "sensor": seen.sensor}
+    files = {key: _tell_file(path, name) for key, name in names.items() if name is not None}
+    return {
+        "devices": "simulated",
+        **files,
+        "seed": seen.seed,
+        "latency_ms": file.projector.latency_ms,
+    }
+
+
+def _tell_file(path: Path, name: str) -> str:
+    """A name; a file's with the digest of its content."""
+    named = path.parent / name
+    if not named.is_file():
+        return name
+    return f"{name} (sha256 {hashlib.sha256(named.read_bytes()).hexdigest()[:SHOWN_DIGITS]})"

@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fringeworks.errors import FormatError
+from fringeworks.files import write_rig
+from fringeworks.files.station import Station, Timing, read_station
+from fringeworks.twin.effects import Effects
+from fringeworks.twin.scenes import named_rig
+
+DEVICES = """[projector]
+kind = "simulated"
+[camera]
+kind = "simulated"
+"""
+GOOD = f"""format = "fringeworks-station/1"
+{DEVICES}[simulated]
+scene = "cylinder"
+rig = "paper"
+"""
+
+
+def station(folder: Path, text: str) -> Station:
+    (folder / "station.toml").write_text(text, encoding="utf-8")
+    return read_station(folder / "station.toml")
+
+
+def test_what_is_not_given_is_the_default(tmp_path: Path) -> None:
+    read = station(tmp_path, GOOD)
+    assert read.scene.name == "cylinder"
+    assert read.rig.camera == named_rig("paper").camera
+    assert read.effects == Effects()
+    assert (read.latency_ms, read.exposure_ms, read.seed) == (20.0, 10.0, 0)
+    assert read.timing == Timing(settle_ms=60.0, timeout_s=2.0, retries=3)
+    assert read.facts == {
+        "devices": "simulated",
+        "scene": "cylinder",
+        "rig": "paper",
+        "seed": 0,
+        "latency_ms": 20.0,
+    }
+
+
+def test_every_key(tmp_path: Path) -> None:
+    text = GOOD.replace(
+        '[camera]\nkind = "simulated"', '[camera]\nkind = "simulated"\nexposure_ms = 7'
+    )
+    text = text.replace("[camera]", "latency_ms = 45.0\n[camera]")
+    text += "seed = 5\n[timing]\nsettle_ms = 90\ntimeout_s = 0.5\nretries = 0\n"
+    read = station(tmp_path, text)
+    assert (read.latency_ms, read.exposure_ms, read.seed) == (45.0, 7.0, 5)
+    assert read.timing == Timing(settle_ms=90.0, timeout_s=0.5, retries=0)
+
+
+def test_files_stand_relative_to_the_stations(tmp_path: Path) -> None:
+    """Their digest is a fact: another content under the same name is another station."""
+    write_rig(tmp_path / "rig.json", named_rig("paper"))
+    text = GOOD.replace('"paper"', '"rig.json"')
+    read = station(tmp_path, text)
+    assert read.rig.projector == named_rig("paper").projector
+    write_rig(tmp_path / "rig.json", named_rig("warped"))
+    changed = station(tmp_path, text)
+    assert str(read.facts["rig"]).startswith("rig.json (sha256 ")
+    assert read.facts["rig"] != changed.facts["rig"]
+    assert read.facts["scene"] == changed.facts["scene"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('[camera]\nkind = "simulated"', '[camera]\nkind = "genicam"', "camera.kind 'genicam' is"),
+        ('[projector]\nkind = "simulated"', '[projector]\nkind = "window"', "'window' is planned"),
+        (
+            '[camera]\nkind = "simulated"',
+            '[camera]\nkind = "eye"',
+            "camera.kind must be 'simulated'",
+        ),
+        ('[camera]\nkind = "simulated"\n', "", "camera is missing"),
+        (DEVICES, 'camera = 3\n[projector]\nkind = "simulated"\n', "camera must be a table"),
+        ('scene = "cylinder"\n', "", "simulated.scene is missing"),
+        ('"cylinder"', '"cylindre"', r"station\.toml: scene must be a file or one of"),
+        ('"paper"', '"papper"', "rig must be a file or one of paper"),
+        ('"cylinder"', '"none.toml"', "none.toml: cannot be read"),
+        ('rig = "paper"', 'rig = "paper"\nsensor = "none.toml"', "none.toml: cannot be read"),
+        ('rig = "paper"', 'rig = "paper"\nsede = 1', "unknown key 'simulated.sede'"),
+        ('rig = "paper"', 'rig = "paper"\n[timing]\nretries = -1', "timing.retries must be >= 0"),
+        ('rig = "paper"', 'rig = "paper"\n[timing]\ntimeout_s = 0', "timing.timeout_s must be > 0"),
+        ("station/1", "station/2", "format must be 'fringeworks-station/1'"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    assert old in GOOD
+    with pytest.raises(FormatError, match=message):
+        station(tmp_path, GOOD.replace(old, new))
