@@ -29,6 +29,12 @@ class MeasurementError(FringeworksError):
     """A cloud cannot give the number asked for."""
 
 
+class DeviceError(FringeworksError):
+    """A camera or projector failed: the message names the frame, what was awaited, what to do."""
+
+    exit_status = 3
+
+
 class ShapeError(FringeworksError, ValueError):
     """A call with arrays that do not fit together."""
 

@@ -3,58 +3,40 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fringeworks.cli.arguments import parse_numbers, parse_size
+from fringeworks.cli.arguments import parse_size
 from fringeworks.cli.output import JsonFlag, Output, progress_bars
+from fringeworks.cli.sequences import (
+    AxesOption,
+    CodeOption,
+    CodewordsOption,
+    InvertedOption,
+    PeriodsOption,
+    PresetArgument,
+    StepsOption,
+    sequence_of,
+)
 from fringeworks.errors import UsageError
 
 if TYPE_CHECKING:
     from fringeworks.model import PatternSet, Sequence
 
-Preset = Literal["paper", "calibrate", "measure", "multi-frequency"]
-Code = Literal["none", "gray", "complementary"]
-Axes = Literal["x", "y", "xy"]
-
 
 def patterns(
-    preset: Annotated[
-        Preset,
-        typer.Argument(
-            help="paper: 3 steps of 32 px, Gray code, code frame; calibrate: 8 steps of 32 px, "
-            "inverted Gray code; measure: 8 steps of 16 px; multi-frequency: 4 steps of three "
-            "periods, no code."
-        ),
-    ],
+    preset: PresetArgument,
     projector: Annotated[
         str, typer.Option("--projector", metavar="WxH", help="Size of the projector's image, px.")
     ],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write into.")],
-    axes: Annotated[
-        Axes, typer.Option("--axes", help="Code columns (x), rows (y) or both.")
-    ] = "xy",
-    steps: Annotated[
-        int | None, typer.Option("--steps", metavar="N", help="Frames of each fringe set, 3 to 64.")
-    ] = None,
-    periods: Annotated[
-        str | None,
-        typer.Option("--periods", metavar="PX,PX", help="Fringe periods, projector px."),
-    ] = None,
-    code: Annotated[
-        Code | None, typer.Option("--code", help="Gray code of the fringe orders.")
-    ] = None,
-    inverted: Annotated[
-        bool | None,
-        typer.Option("--inverted/--no-inverted", help="Show the inverse of each Gray bit too."),
-    ] = None,
-    codewords: Annotated[
-        str | None,
-        typer.Option(
-            "--codewords", metavar="PX,PX", help="Codewords of a code frame, px, or none."
-        ),
-    ] = None,
+    axes: AxesOption = "xy",
+    steps: StepsOption = None,
+    periods: PeriodsOption = None,
+    code: CodeOption = None,
+    inverted: InvertedOption = None,
+    codewords: CodewordsOption = None,
     bits: Annotated[int, typer.Option("--bits", help="Depth of the images, 8 to 16.")] = 8,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Write into a folder that holds files already.")
@@ -70,18 +52,18 @@ def patterns(
     output = Output(as_json=as_json)
     from fringeworks import __version__
     from fringeworks.files import write_sequence
-    from fringeworks.patterns import make_sequence, render_sequence
+    from fringeworks.patterns import render_sequence
 
-    sequence = make_sequence(
+    sequence = sequence_of(
         preset,
         width=width,
         height=height,
-        axes=("x", "y") if axes == "xy" else (axes,),
+        axes=axes,
         steps=steps,
-        periods_px=None if periods is None else parse_numbers(periods, option="--periods"),
+        periods=periods,
         code=code,
         inverted=inverted,
-        codewords_px=None if codewords is None else parse_numbers(codewords, option="--codewords"),
+        codewords=codewords,
     )
     refuse_occupied(out, overwrite=overwrite)
     with progress_bars() as progress:

@@ -1,0 +1,186 @@
+"""Acquire a capture: pattern by pattern, resumable after whatever interrupts it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fringeworks import __version__
+from fringeworks.acquire.frames import FrameTaker, Shot
+from fringeworks.acquire.journal import Journal
+from fringeworks.devices import CameraDevice, Clock, MonotonicClock, ProjectorDevice
+from fringeworks.errors import UsageError
+from fringeworks.files.acquiring import Acquiring, Setting, Taken, Tally
+from fringeworks.files.capture_writing import describe_capture
+from fringeworks.files.station import Timing
+from fringeworks.model import Frames, PatternSet, Sequence
+from fringeworks.model.progress import Progress, no_progress
+from fringeworks.patterns import frame_names, render_sequence
+
+
+@dataclass(frozen=True, slots=True)
+class Acquisition:
+    """What an acquisition has brought.
+
+    Attributes
+    ----------
+    path
+        Its ``capture.toml``.
+    images
+        How many images the capture has.
+    taken
+        How many of them this run took; an earlier one had the others.
+    frames
+        Frames of all runs that were not used.
+    """
+
+    path: Path
+    images: int
+    taken: int
+    frames: Tally
+
+
+def acquire_sequence(
+    sequence: Sequence,
+    projector: ProjectorDevice,
+    camera: CameraDevice,
+    *,
+    folder: str | Path,
+    exposure_ms: float,
+    timing: Timing | None = None,
+    clock: Clock | None = None,
+    facts: Mapping[str, Setting] | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Acquisition:
+    """Show each image of a sequence, and write the frame that shows it into `folder`.
+
+    Every image is on disk under its final name (`patterns.frame_names`) before the next one is
+    shown; ``capture.toml`` comes last. After an interruption at any moment the same call goes on
+    where it stopped. Times count from the start of the acquisition; a pause between two runs is
+    left out, and `provenance.resumed_at` names the image after it.
+
+    Parameters
+    ----------
+    sequence
+        What to show; its sets' `repeats` and `exposure_ms` are honoured.
+    projector, camera
+        Of the same `clock` (the machine's, unless given); they stay open.
+    folder
+        The capture.
+    exposure_ms
+        Of sets that do not say their own.
+    timing
+        How long to wait.
+    facts
+        What else must stay the same when it goes on, such as `Station.facts`; kept as
+        provenance.
+    overwrite
+        Begin anew in a folder that holds a capture, other files, or a part of this one.
+    progress
+        Wraps the iteration over images.
+
+    Raises
+    ------
+    DeviceError
+        No frame that shows an image came, or a device failed; the message names the image.
+    UsageError
+        The sequence cannot be shown, the folder holds something else, or the acquisition that was
+        interrupted there had other settings: the message says which.
+    FormatError
+        A file cannot be written.
+    """
+    timing, clock = timing or Timing(), clock or MonotonicClock()
+    shots = _plan(sequence, exposure_ms)
+    _check(sequence, projector, shots=shots, timing=timing)
+    rendered = render_sequence(sequence, bits=projector.bits)
+    settings = _settings(projector, camera, exposure_ms=exposure_ms, timing=timing)
+    plan = Acquiring(_describe(sequence), {**settings, **(facts or {})})
+    # What could not be written in the end is refused before the work.
+    describe_capture(sequence, sensor=camera.sensor, provenance=plan.settings)
+    journal = Journal(Path(folder), plan, overwrite=overwrite)
+    missing = [shot for shot in shots if shot.name not in journal.state.images]
+    tally = journal.state.frames
+    taker = FrameTaker(projector, camera, clock=clock, timing=timing, tally=tally)
+    # Times go on after the last one of an earlier run.
+    begin_s = clock.now() - max((item.time_s for item in journal.state.images.values()), default=0)
+    if journal.state.images and missing:
+        journal.resume_at(missing[0].name)
+    images = _images(missing, rendered)
+    for shot, image in zip((progress or no_progress)(missing, "acquiring"), images, strict=True):
+        seen, start_s = taker.take(shot, image)
+        journal.add(shot.name, seen, time_s=start_s - begin_s, frames=taker.tally)
+    text = describe_capture(
+        _timed(sequence, journal.state.images),
+        sensor=camera.sensor,
+        provenance=_provenance(journal.state),
+    )
+    return Acquisition(journal.finish(text), len(shots), len(missing), journal.state.frames)
+
+
+def _plan(sequence: Sequence, exposure_ms: float) -> list[Shot]:
+    return [
+        Shot(name, place, index // item.repeats, item.exposure_ms or exposure_ms)
+        for place, (item, row) in enumerate(zip(sequence.sets, frame_names(sequence), strict=True))
+        for index, name in enumerate(row)
+    ]
+
+
+def _check(
+    sequence: Sequence, projector: ProjectorDevice, *, shots: list[Shot], timing: Timing
+) -> None:
+    shown, own = f"{sequence.width}x{sequence.height}", f"{projector.width}x{projector.height}"
+    if shown != own:
+        raise UsageError(f"sequence must be of the projector's size, {own} px, got {shown} px")
+    # The frame under way when an image has settled is waited for, and one more.
+    least_s = 2 * max((shot.exposure_ms for shot in shots), default=0.0) / 1000
+    if timing.timeout_s <= least_s:
+        raise UsageError(
+            f"timeout_s must be above {least_s:g}, two exposures, got {timing.timeout_s:g}"
+        )
+
+
+def _images(shots: list[Shot], rendered: Iterator[tuple[PatternSet, Frames]]) -> Iterator[Frames]:
+    """What each of the shots shows, one set in memory at a time."""
+    for place, (item, stack) in enumerate(rendered):
+        for shot in shots:
+            if shot.place == place:
+                yield stack[shot.frame * item.repeats]
+
+
+def _settings(
+    projector: ProjectorDevice, camera: CameraDevice, *, exposure_ms: float, timing: Timing
+) -> dict[str, Setting]:
+    """What the images depend on; how long to wait for them may change."""
+    return {
+        "projector": f"{projector.width}x{projector.height} px, {projector.bits} bit",
+        "camera": f"{camera.width}x{camera.height} px, full scale {camera.sensor.full_scale:g}",
+        "exposure_ms": exposure_ms,
+        "settle_ms": timing.settle_ms,
+    }
+
+
+def _describe(sequence: Sequence) -> str:
+    untimed = tuple(replace(item, timestamps_s=None) for item in sequence.sets)
+    return describe_capture(replace(sequence, sets=untimed))
+
+
+def _timed(sequence: Sequence, images: Mapping[str, Taken]) -> Sequence:
+    """The sequence with the times at which its images were exposed."""
+    names = frame_names(sequence)
+    times = [tuple(float(np.round(images[name].time_s, 6)) for name in row) for row in names]
+    sets = zip(sequence.sets, times, strict=True)
+    return replace(sequence, sets=tuple(replace(item, timestamps_s=row) for item, row in sets))
+
+
+def _provenance(state: Acquiring) -> dict[str, object]:
+    resumed = {"resumed_at": list(state.resumed_at)} if state.resumed_at else {}
+    return {
+        "acquired": f"fringeworks {__version__}",
+        **state.settings,
+        "frames": asdict(state.frames),
+        **resumed,
+    }

@@ -1,0 +1,75 @@
+"""What every command that shows patterns may be told of them, and the sequence that it means."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from fringeworks.cli.arguments import parse_numbers
+
+if TYPE_CHECKING:
+    from fringeworks.model import Sequence
+
+Preset = Literal["paper", "calibrate", "measure", "multi-frequency"]
+Code = Literal["none", "gray", "complementary"]
+Axes = Literal["x", "y", "xy"]
+
+PresetArgument = Annotated[
+    Preset,
+    typer.Argument(
+        help="paper: 3 steps of 32 px, Gray code, code frame; calibrate: 8 steps of 32 px, "
+        "inverted Gray code; measure: 8 steps of 16 px; multi-frequency: 4 steps of three "
+        "periods, no code."
+    ),
+]
+AxesOption = Annotated[Axes, typer.Option("--axes", help="Code columns (x), rows (y) or both.")]
+StepsOption = Annotated[
+    int | None, typer.Option("--steps", metavar="N", help="Frames of each fringe set, 3 to 64.")
+]
+PeriodsOption = Annotated[
+    str | None, typer.Option("--periods", metavar="PX,PX", help="Fringe periods, projector px.")
+]
+CodeOption = Annotated[Code | None, typer.Option("--code", help="Gray code of the fringe orders.")]
+InvertedOption = Annotated[
+    bool | None,
+    typer.Option("--inverted/--no-inverted", help="Show the inverse of each Gray bit too."),
+]
+CodewordsOption = Annotated[
+    str | None,
+    typer.Option("--codewords", metavar="PX,PX", help="Codewords of a code frame, px, or none."),
+]
+
+
+def sequence_of(
+    preset: Preset,
+    *,
+    width: int,
+    height: int,
+    axes: Axes,
+    steps: int | None,
+    periods: str | None,
+    code: Code | None,
+    inverted: bool | None,
+    codewords: str | None,
+) -> Sequence:
+    """The sequence of a preset for a projector of this size, px; options replace its own values.
+
+    Raises
+    ------
+    UsageError
+        An option that is no list of numbers; or as `patterns.make_sequence`.
+    """
+    from fringeworks.patterns import make_sequence
+
+    return make_sequence(
+        preset,
+        width=width,
+        height=height,
+        axes=("x", "y") if axes == "xy" else (axes,),
+        steps=steps,
+        periods_px=None if periods is None else parse_numbers(periods, option="--periods"),
+        code=code,
+        inverted=inverted,
+        codewords_px=None if codewords is None else parse_numbers(codewords, option="--codewords"),
+    )
