@@ -11,6 +11,7 @@ import pytest
 from hypothesis import settings
 
 from fringeworks.files import data_folder, find_data
+from tests.browser import NAMES, Browser, find_program
 
 IN_CI = os.environ.get("CI", "").lower() == "true"
 
@@ -43,3 +44,15 @@ def real(data_dir: Path) -> Callable[[str], Path]:
         pytest.skip(reason)
 
     return find
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Browser:
+    """Chromium; where it is missing the test is skipped with the reason, with CI=true it fails."""
+    program = find_program()
+    if program is None:
+        reason = f"no browser found (looked for {', '.join(NAMES)})"
+        if IN_CI:
+            pytest.fail(reason)
+        pytest.skip(reason)
+    return Browser(program, tmp_path_factory.mktemp("browser"))

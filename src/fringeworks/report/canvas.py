@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import matplotlib as mpl
 import numpy as np
@@ -154,8 +154,13 @@ def map_figure(values: Image, shade: Shade, title: str) -> Figure:
 def save_figure(figure: Figure, path: Path) -> Path:
     """Write a PNG, whole or not at all; returns its path."""
     with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", bbox_inches="tight", pad_inches=0.12)
+        save_png(figure, temporary)
     return path
+
+
+def save_png(figure: Figure, target: Path | BinaryIO) -> None:
+    """The figure as PNG, cut to what is drawn."""
+    figure.savefig(target, format="png", bbox_inches="tight", pad_inches=0.12)
 
 
 def save_figures(named: Iterable[tuple[str, Figure]], folder: Path) -> list[Path]:

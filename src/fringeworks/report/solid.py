@@ -72,7 +72,7 @@ def draw_solid(cloud: Cloud, shade: Shade) -> Figure:
 
 
 def _solid_of(cloud: Cloud, shade: Shade, limits: tuple[float, float]) -> _Solid:
-    use = _within_span(cloud.xyz)
+    use = within_span(cloud.xyz)
     points = cloud.xyz[use].astype(np.float64)
     depth = np.clip((points[:, 2] - limits[0]) / (limits[1] - limits[0]), 0, 1)
     colours = mpl.colormaps[shade.colours](depth)[:, :3]
@@ -81,7 +81,7 @@ def _solid_of(cloud: Cloud, shade: Shade, limits: tuple[float, float]) -> _Solid
     return _Solid(points - middle, colours * lit[:, None])
 
 
-def _within_span(xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
+def within_span(xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Valid points inside the box that holds nearly all of them."""
     valid = np.isfinite(xyz[..., 2])
     low, high = np.percentile(xyz[valid], SPAN_PERCENT, axis=0)
@@ -101,7 +101,7 @@ def shade_relief(cloud: Cloud) -> NDArray[np.float64]:
 
 def _smooth(cloud: Cloud) -> NDArray[np.float32]:
     """Moving average of the points over a window that leaves slopes of a few percent of noise."""
-    size = _smoothing_window(cloud)
+    size = smoothing_window(cloud.xyz, cloud.sigma_mm)
     valid = cloud.valid
     weight = uniform_filter(valid.astype(np.float32), size)
     filled = np.where(valid[..., None], cloud.xyz, np.float32(0))
@@ -109,10 +109,10 @@ def _smooth(cloud: Cloud) -> NDArray[np.float32]:
     return np.where(valid[..., None], mean, np.float32(np.nan)).astype(np.float32)
 
 
-def _smoothing_window(cloud: Cloud) -> int:
+def smoothing_window(xyz: NDArray[np.floating], sigma_mm: NDArray[np.floating]) -> int:
     """Odd width, px, from the points' spacing and sigma; 3 where they are not known."""
-    steps = np.abs(np.diff(cloud.xyz[..., 0], axis=1))
-    steps, sigmas = steps[np.isfinite(steps)], cloud.sigma_mm[np.isfinite(cloud.sigma_mm)]
+    steps = np.abs(np.diff(xyz[..., 0], axis=1))
+    steps, sigmas = steps[np.isfinite(steps)], sigma_mm[np.isfinite(sigma_mm)]
     spacing = float(np.median(steps)) if steps.size else 0.0
     if not spacing > 0 or not sigmas.size:
         return 3
