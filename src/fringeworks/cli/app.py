@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from fringeworks import __version__
+from fringeworks.cli.acquire import acquire
 from fringeworks.cli.bench import bench
 from fringeworks.cli.calibrate import calibrate
 from fringeworks.cli.decode import decode
@@ -17,12 +18,23 @@ from fringeworks.cli.measure import measure
 from fringeworks.cli.output import print_error
 from fringeworks.cli.patterns import patterns
 from fringeworks.cli.scan import scan
+from fringeworks.cli.twin import twin
 from fringeworks.errors import FringeworksError
 
 INTERRUPTED = 130
 
 
-ALONG_THE_LINE = ("patterns", "calibrate", "decode", "scan", "measure", "demo", "bench")
+ALONG_THE_LINE = (
+    "patterns",
+    "acquire",
+    "twin",
+    "calibrate",
+    "decode",
+    "scan",
+    "measure",
+    "demo",
+    "bench",
+)
 
 
 class Verbs(TyperGroup):
@@ -84,6 +96,16 @@ _add(
     example="patterns measure --projector 1920x1080 --out patterns/",
 )
 _add(
+    acquire,
+    short="Show patterns, grab the frames, write a capture.",
+    example="acquire measure --station station.toml --out capture/",
+)
+_add(
+    twin,
+    short="A capture of a simulated scene, with its truth.",
+    example="twin cylinder --rig paper --preset paper --out capture/",
+)
+_add(
     calibrate,
     short="From captures of a board to a rig.",
     example="calibrate captures/ --board board.toml --out rig.json --figures figures/",
@@ -101,7 +123,7 @@ _add(
 app.add_typer(measure)
 _add(
     demo,
-    short="The whole line on a real capture.",
+    short="The whole loop, simulated and on a real capture.",
     example="demo --out out/demo",
 )
 _add(

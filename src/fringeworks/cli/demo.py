@@ -1,41 +1,18 @@
-"""``fringeworks demo``: the whole line on a real capture, its numbers beside recorded ones."""
+"""``fringeworks demo``: the whole loop on the digital twin, then on a real capture."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fringeworks.cli.calibrate import describe_rig, find_captures, read_captures
 from fringeworks.cli.output import JsonFlag, Output, Progress, print_note, to_json
 
 if TYPE_CHECKING:
-    from fringeworks.model import Capture, CheckerboardTarget, Cloud, Rig
-    from fringeworks.phase.decode import Decoding
-
-
-@dataclass(frozen=True, slots=True)
-class DemoSet:
-    """A real calibration capture with what plain OpenCV makes of it (its README)."""
-
-    folder: str
-    camera_rms_px: float
-    projector_rms_px: float
-    joint_rms_px: float
-    baseline_mm: float
-
-
-DEMO_SETS = (
-    DemoSet("sample/procam-half", 0.179, 0.248, 0.222, 672.4),
-    DemoSet("real/procam-graycode", 0.333, 0.218, 0.288, 673.5),
-)
-
-SHOWN = ("square_mean_mm", "square_sd_mm", "plane_rms_mm", "plane_predicted_rms_mm")
-"""Columns of the table of boards."""
+    from fringeworks.experiments.real_boards import RealLine
+    from fringeworks.experiments.twin_loop import TwinLoop
 
 
 def demo(
@@ -43,152 +20,136 @@ def demo(
         Path("out/demo")
     ),
     quick: Annotated[
-        bool, typer.Option("--quick", help="Measure one board instead of all; no figures.")
+        bool,
+        typer.Option("--quick", help="Half of the board poses, and one board of the real capture."),
     ] = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Run the whole line on a real capture and print its numbers beside recorded ones.
+    """Simulate, calibrate, scan and measure, beside the truth; then the same on a real capture.
 
-    Calibrates from the poses of procam-half (kamino410/procam-calibration, MIT), scans the first
-    and measures the board's squares on the clouds. Writes rig.json, cloud.npz, cloud.ply,
-    demo.json and figures. The capture is looked for in $FRINGEWORKS_DATA.
+    The twin of a small rig shows patterns to a board in fourteen poses, to a cylinder and to two
+    isolated objects; no hardware is needed. Writes the captures, rig.json, clouds, figures,
+    demo.json and report.html, which opens in any browser. Real images are looked for in
+    $FRINGEWORKS_DATA.
     """
     output = Output(as_json=as_json)
-    from fringeworks.files import data_folder
-
-    data = data_folder()
-    chosen = next((item for item in DEMO_SETS if (data / item.folder).is_dir()), None)
-    if chosen is None:
-        print_note(describe_lack(data))
-        raise typer.Exit(1)
     with output.working() as progress:
-        found = run_line(data / chosen.folder, out, output, progress, quick=quick)
-    output.line(f"demo on {data / chosen.folder}")
-    values = {
-        "capture": chosen.folder,
-        "out": out,
-        **describe_rig(output, found.rig),
-        "boards": found.boards,
-        "comparison": describe_comparison(output, chosen, found.rig),
-        "files": [out / "rig.json", out / "cloud.npz", out / "cloud.ply", *found.figures],
-    }
-    describe_boards(output, found)
-    write_values(out / "demo.json", values)
-    output.line(f"wrote rig.json, cloud.npz, cloud.ply, demo.json in {out}")
-    output.written(found.figures)
+        loop, real = run_demo(out, progress, quick=quick)
+        values = {
+            "out": out,
+            "report": out / "report.html",
+            "twin": describe_loop(output, loop),
+            "real": describe_real(output, real),
+        }
+        write_results(out, loop, real, values)
+    output.line(f"wrote report.html, demo.json, figures, captures and clouds in {out}")
     output.result(values)
 
 
-def describe_lack(data: Path) -> str:
-    """What the demo would need, and how to get it."""
+def run_demo(out: Path, progress: Progress, *, quick: bool) -> tuple[TwinLoop, RealLine | None]:
+    """Both parts; the second is None where its images are not here."""
+    from fringeworks.experiments.real_boards import find_real_set, run_real_line
+    from fringeworks.experiments.twin_loop import run_twin_loop
+
+    loop = run_twin_loop(out / "twin", quick=quick, progress=progress)
+    chosen = find_real_set()
+    if chosen is None:
+        return loop, None
+    return loop, run_real_line(chosen, out / "real", quick=quick, progress=progress)
+
+
+def write_results(out: Path, loop: TwinLoop, real: RealLine | None, values: dict[str, Any]) -> None:
+    """``demo.json``, the numbers as ``--json`` prints them, and ``report.html``."""
+    from fringeworks.experiments.demo_page import make_demo_page
+    from fringeworks.files.atomic import write_text
+    from fringeworks.report.page import write_page
+
+    plain = to_json(values)
+    write_text(out / "demo.json", json.dumps(plain, indent=2, allow_nan=False) + "\n")
+    page = make_demo_page(loop, real, plain, figures=out / "figures")
+    write_page(out / "report.html", page)
+
+
+def describe_loop(output: Output, loop: TwinLoop) -> dict[str, Any]:
+    """Print the twin's numbers beside the truth; returns them."""
+    from fringeworks.report.summary import summarise_rig
+
+    quality, (cylinder, two), form = loop.rig.quality, loop.scans, loop.predicted_form_mm
+    assert quality is not None
+    rows = [
+        ("cylinder, radius", "mm", cylinder.cylinder.radius_mm, cylinder.true_radius_mm),
+        ("cylinder, form rms", "mm", cylinder.cylinder.form_rms_mm, 0.0),
+        ("cylinder, depth bias p95", "mm", loop.bias.depth_p95_mm, 0.0),
+        ("predicted over observed sigma", "", loop.sigma_ratio, 1.0),
+        ("two objects, cylinder's radius", "mm", two.cylinder.radius_mm, two.true_radius_mm),
+        ("baseline", "mm", loop.rig.baseline_mm, loop.true_rig.baseline_mm),
+    ]
+    output.line(f"digital twin, calibrated from {loop.poses} poses of a board")
+    output.table(
+        ("", "measured", "truth", ""),
+        [(name, f"{value:.4f}", f"{truth:.4f}", unit) for name, unit, value, truth in rows],
+        numbers=(1, 2),
+    )
+    output.line(
+        f"  calibration rms: camera {quality.camera_rms_px:.3f} px, "
+        f"projector {quality.projector_rms_px:.3f} px; "
+        f"form rms that noise alone makes: {form:.4f} mm"
+    )
+    return {
+        "poses": loop.poses,
+        "measures": [
+            {"name": name, "unit": unit or None, "measured": value, "truth": truth}
+            for name, unit, value, truth in rows
+        ],
+        "form_rms_predicted_mm": form,
+        "bias_normal_p95_mm": loop.bias.normal_p95_mm,
+        "rig": summarise_rig(loop.rig),
+        "true_rig": summarise_rig(loop.true_rig),
+    }
+
+
+def describe_real(output: Output, line: RealLine | None) -> dict[str, Any] | None:
+    """Print the real capture's numbers beside recorded ones, or what it would take."""
+    if line is None:
+        print_note(describe_lack())
+        return None
+    from fringeworks.cli.calibrate import describe_rig
+
+    output.line(f"real capture {line.path}")
+    return {
+        "capture": line.chosen.folder,
+        **describe_rig(output, line.rig),
+        "comparison": describe_comparison(output, line),
+        "boards": describe_boards(output, line),
+    }
+
+
+def describe_lack() -> str:
+    """What the real part would need, and how to get it."""
+    from fringeworks.experiments.real_boards import REAL_SETS
+    from fringeworks.files import data_folder
     from fringeworks.files.data import DATA_VARIABLE
 
-    names = " or ".join(item.folder for item in DEMO_SETS)
+    names = " or ".join(item.folder for item in REAL_SETS)
     return (
-        f"demo: nothing to run on. It needs a real capture, {names}, and {data} has neither.\n"
-        "The images are other people's and not part of this project: examples/README.md names "
-        "their public\nrepository and the script that lays them out. Then set "
-        f"{DATA_VARIABLE} to that folder and run the demo again.\n"
-        "A simulated demo, which needs no images, is planned."
+        f"The second part needs a real capture, {names}, and {data_folder()} has neither: left "
+        "out.\nIts images are other people's and not part of this project: examples/README.md "
+        f"says where they are\npublic and how to lay them out; then set {DATA_VARIABLE}."
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
-    """What the line has found: the rig, each board's numbers, and the paths of the figures."""
-
-    rig: Rig
-    board: CheckerboardTarget
-    boards: list[dict[str, Any]]
-    figures: list[Path]
-
-
-@dataclass(frozen=True, slots=True)
-class Scanned:
-    """A pose at every stop of the line."""
-
-    capture: Capture
-    decoding: Decoding
-    cloud: Cloud
-
-
-def run_line(folder: Path, out: Path, output: Output, progress: Progress, *, quick: bool) -> Found:
-    """Calibrate from all poses, scan each (`quick`: the first) and measure its board."""
-    from fringeworks.calibrate import calibrate_captures
-    from fringeworks.files import read_board, write_cloud, write_rig
-
-    board, poses = read_board(folder / "board.toml"), find_captures([folder])
-    rig = calibrate_captures(read_captures(poses, output, progress), board)
-    write_rig(out / "rig.json", rig)
-    boards: list[dict[str, Any]] = []
-    figures: list[Path] = []
-    for place, scanned in enumerate(scan_poses(poses[: 1 if quick else None], rig, progress)):
-        boards += measure_pose(scanned, rig, board)
-        if place == 0:
-            write_cloud(out / "cloud.npz", scanned.cloud)
-            write_cloud(out / "cloud.ply", scanned.cloud)
-            figures = [] if quick else draw_demo(scanned, rig, out / "figures", progress)
-    return Found(rig, board, boards, figures)
-
-
-def scan_poses(poses: Sequence[Path], rig: Rig, progress: Progress) -> Iterator[Scanned]:
-    """Each pose read, decoded and triangulated once."""
-    from fringeworks.files import read_capture
-    from fringeworks.phase.decode import decode_phases
-    from fringeworks.pipeline import cloud_of
-
-    for pose in progress(poses, "scanning"):
-        capture = read_capture(pose)
-        decoding = decode_phases(capture)
-        yield Scanned(capture, decoding, cloud_of(capture, decoding.projector_map(), rig))
-
-
-def measure_pose(scanned: Scanned, rig: Rig, board: CheckerboardTarget) -> list[dict[str, Any]]:
-    """The board's squares and plane on its cloud; nothing where the rig does not use the view."""
-    from fringeworks.pipeline import measure_board
-
-    measured = measure_board(scanned.cloud, rig, board, view=scanned.capture.name)
-    if measured is None:
-        return []
-    spacing, plane = measured
-    return [
-        {
-            "name": scanned.capture.name,
-            "square_mean_mm": spacing.mean_mm,
-            "square_sd_mm": spacing.sd_mm,
-            "squares": len(spacing.all_mm),
-            "plane_rms_mm": plane.fit.form_rms_mm,
-            "plane_points": len(plane.fit.deviations_mm),
-            "plane_predicted_rms_mm": plane.predicted_rms_mm,
-        }
-    ]
-
-
-def draw_demo(scanned: Scanned, rig: Rig, folder: Path, progress: Progress) -> list[Path]:
-    """Figures of the calibration and of every stage of a scan."""
-    from fringeworks.report.calibration import draw_calibration
-    from fringeworks.report.canvas import save_figures
-    from fringeworks.report.cloud import draw_cloud
-    from fringeworks.report.decoding import draw_decoding
-
-    scan = [*draw_decoding(scanned.decoding), *draw_cloud(scanned.cloud)]
-    return save_figures(progress([*draw_calibration(rig), *scan], "drawing"), folder)
-
-
-def write_values(path: Path, values: dict[str, Any]) -> None:
-    """The numbers as ``--json`` prints them."""
-    from fringeworks.files.atomic import write_text
-
-    write_text(path, json.dumps(to_json(values), indent=2, allow_nan=False) + "\n")
-
-
-def describe_comparison(output: Output, chosen: DemoSet, rig: Rig) -> list[dict[str, Any]]:
+def describe_comparison(output: Output, line: RealLine) -> list[dict[str, Any]]:
     """Print the rig's numbers beside those that plain OpenCV was recorded with."""
-    rows = compare(chosen, rig)
+    from dataclasses import asdict
+
+    from fringeworks.experiments.real_boards import compare_rig
+
+    rows = [asdict(row) for row in compare_rig(line)]
+    keys = ("kept", "over_all", "opencv")
     output.line("rms in px and baseline in mm; plain OpenCV as recorded with the data, all corners")
     output.table(
         ("", "kept corners", "all corners", "plain OpenCV"),
-        [(row["name"], *(_show(row[key]) for key in ("kept", "all", "opencv"))) for row in rows],
+        [(row["name"], *(_show(row[key]) for key in keys)) for row in rows],
         numbers=(1, 2, 3),
     )
     return rows
@@ -198,30 +159,26 @@ def _show(value: float | None) -> str:
     return "" if value is None else f"{value:.3f}"
 
 
-def describe_boards(output: Output, found: Found) -> None:
+def describe_boards(output: Output, line: RealLine) -> list[dict[str, Any]]:
     """Print what was measured on each board."""
-    output.line(f"boards on their clouds, mm; true squares {found.board.pitch_x_mm:g} mm")
-    output.table(
-        ("board", "squares, mean", "sd", "plane rms", "rms predicted by sigma"),
-        [(item["name"], *(f"{item[key]:.3f}" for key in SHOWN)) for item in found.boards],
-        numbers=(1, 2, 3, 4),
-    )
-
-
-def compare(chosen: DemoSet, rig: Rig) -> list[dict[str, Any]]:
-    """Rows of name, unit, and the number over kept corners, over all corners, and OpenCV's."""
-    from fringeworks.calibrate.record import read_record
-
-    record, quality = read_record(rig.further), rig.quality
-    assert record is not None
-    assert quality is not None
-    camera, projector, joint = record.rms_of_all_px
-    numbers = (
-        ("camera rms", "px", quality.camera_rms_px, camera, chosen.camera_rms_px),
-        ("projector rms", "px", quality.projector_rms_px, projector, chosen.projector_rms_px),
-        ("joint rms", "px", quality.joint_rms_px, joint, chosen.joint_rms_px),
-        ("baseline", "mm", rig.baseline_mm, None, chosen.baseline_mm),
-    )
-    return [
-        dict(zip(("name", "unit", "kept", "all", "opencv"), row, strict=True)) for row in numbers
+    boards = [
+        {
+            "name": name,
+            "square_mean_mm": spacing.mean_mm,
+            "square_sd_mm": spacing.sd_mm,
+            "plane_rms_mm": plane.fit.form_rms_mm,
+            "plane_predicted_rms_mm": plane.predicted_rms_mm,
+            "squares": len(spacing.all_mm),
+            "plane_points": len(plane.fit.deviations_mm),
+        }
+        for name, spacing, plane in line.boards
     ]
+    output.line(f"boards on their clouds, mm; true squares {line.board.pitch_x_mm:g} mm")
+    head = ("board", "squares, mean", "sd", "plane rms", "rms predicted by sigma")
+    rows = [tuple(_cell(value) for value in list(board.values())[: len(head)]) for board in boards]
+    output.table(head, rows, numbers=(1, 2, 3, 4))
+    return boards
+
+
+def _cell(value: object) -> str:
+    return f"{value:.3f}" if isinstance(value, float) else str(value)

@@ -1,0 +1,1 @@
+"""Whole experiments, from patterns to numbers held against what is known."""
