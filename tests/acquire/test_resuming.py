@@ -166,7 +166,7 @@ def test_nothing_is_replaced_unasked(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"holds 1 files already \(first: notes.txt\)"):
         acquire(tmp_path)
     acquire(tmp_path, overwrite=True)
-    with pytest.raises(UsageError, match="holds a finished capture already"):
+    with pytest.raises(UsageError, match="holds a capture already"):
         acquire(tmp_path)
     with pytest.raises(UsageError, match="must be a folder, but is a file"):
         acquire(tmp_path / "notes.txt")

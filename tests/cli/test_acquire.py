@@ -106,7 +106,7 @@ def test_a_finished_capture_is_not_replaced_unasked(station: Path, tmp_path: Pat
     assert run(*arguments).exit_code == 0
     refused = run(*arguments)
     assert refused.exit_code == 2
-    assert "holds a finished capture already" in refused.stderr
+    assert "holds a capture already" in refused.stderr
     assert run(*arguments, "--overwrite").exit_code == 0
 
 

@@ -37,7 +37,8 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_scan_of_the_simulated_capture_meets_its_truth(rig: Path, tmp_path: Path) -> None:
-    """Sigma of z is about 0.06 mm (16 px, 4 steps): five of it, and the edges left out."""
+    """With the true rig, errors are noise, half of them below 0.674 sigma, and what pixels of
+    2.6 mm make of a curved surface by averaging over four columns each: as much again."""
     capture = tmp_path / "capture"
     done = run("twin", "cylinder", "--rig", rig, *PATTERNS, "--out", capture, "--json")
     assert done.exit_code == 0, done.stderr
@@ -53,7 +54,7 @@ def test_a_scan_of_the_simulated_capture_meets_its_truth(rig: Path, tmp_path: Pa
         error = (cloud["xyz"][..., 2] - truth.xyz[..., 2]) / cloud["sigma_mm"]
     inner = np.isfinite(error)
     assert np.count_nonzero(inner) > 1000
-    assert np.median(np.abs(error[inner])) < 1.2
+    assert 0.5 < np.median(np.abs(error[inner])) < 1.5
 
 
 def test_what_made_it_stands_beside_it(rig: Path, tmp_path: Path) -> None:

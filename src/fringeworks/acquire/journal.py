@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 
-from fringeworks.errors import FormatError, UsageError
+from fringeworks.errors import UsageError
 from fringeworks.files.acquiring import (
     ACQUIRING_JSON,
     Acquiring,
@@ -20,6 +20,7 @@ from fringeworks.files.acquiring import (
 )
 from fringeworks.files.atomic import write_text
 from fringeworks.files.capture import CAPTURE_TOML
+from fringeworks.files.capture_writing import make_room
 from fringeworks.files.images import write_image
 from fringeworks.model import Frames
 
@@ -64,6 +65,11 @@ class Journal:
         self._state = replace(self._state, images=images, frames=frames)
         self._save()
 
+    def count(self, frames: Tally) -> None:
+        """Note what was not used although no image came of it."""
+        self._state = replace(self._state, frames=frames)
+        self._save()
+
     def finish(self, text: str) -> Path:
         """Write ``capture.toml``: with it the folder is a capture."""
         target = self._folder / CAPTURE_TOML
@@ -83,23 +89,10 @@ def count_taken(folder: Path) -> int:
 
 def _clear(folder: Path, *, overwrite: bool) -> None:
     """Nothing may be overwritten unasked; an old description goes before its first image."""
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{folder}: must be a folder, but is a file")
-    if overwrite:
-        _unlink(folder / CAPTURE_TOML)
-        return
     held = sorted(path.name for path in folder.glob("*") if not path.name.startswith("."))
-    if CAPTURE_TOML in held:
-        raise UsageError(f"{folder}: holds a finished capture already; {ANEW}")
-    if held:
+    if held and not overwrite and CAPTURE_TOML not in held:
         raise UsageError(f"{folder}: holds {len(held)} files already (first: {held[0]}); {ANEW}")
-
-
-def _unlink(target: Path) -> None:
-    try:
-        target.unlink(missing_ok=True)
-    except OSError as error:
-        raise FormatError(f"{target}: cannot be replaced ({error.strerror or error})") from error
+    make_room(folder, overwrite=overwrite)
 
 
 def _intact(images: Mapping[str, Taken], folder: Path) -> dict[str, Taken]:

@@ -12,7 +12,7 @@ from fringeworks import __version__
 from fringeworks.acquire.frames import FrameTaker, Shot
 from fringeworks.acquire.journal import Journal
 from fringeworks.devices import CameraDevice, Clock, MonotonicClock, ProjectorDevice
-from fringeworks.errors import UsageError
+from fringeworks.errors import DeviceError, UsageError
 from fringeworks.files.acquiring import Acquiring, Setting, Taken, Tally
 from fringeworks.files.capture_writing import describe_capture
 from fringeworks.files.station import Timing
@@ -111,7 +111,11 @@ def acquire_sequence(
         journal.resume_at(missing[0].name)
     images = _images(missing, rendered)
     for shot, image in zip((progress or no_progress)(missing, "acquiring"), images, strict=True):
-        seen, start_s = taker.take(shot, image)
+        try:
+            seen, start_s = taker.take(shot, image)
+        except DeviceError:
+            journal.count(taker.tally)
+            raise
         journal.add(shot.name, seen, time_s=start_s - begin_s, frames=taker.tally)
     text = describe_capture(
         _timed(sequence, journal.state.images),

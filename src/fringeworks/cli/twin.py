@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -18,11 +18,6 @@ from fringeworks.cli.sequences import (
     StepsOption,
     sequence_of,
 )
-
-if TYPE_CHECKING:
-    from fringeworks.model import Rig
-    from fringeworks.twin.scene import Scene
-    from fringeworks.twin.truth import Truth
 
 
 def twin(
@@ -67,8 +62,9 @@ def twin(
     them again. A scene with poses becomes one capture per pose, and board.toml beside them.
     """
     output = Output(as_json=as_json)
-    from fringeworks.files.sensor import read_sensor
-    from fringeworks.files.simulation import write_simulations
+    from fringeworks.acquire.simulated import write_simulations
+    from fringeworks.files import read_sensor
+    from fringeworks.files.named import find_rig, find_scene
     from fringeworks.twin.effects import Effects
 
     seen, before = find_scene(scene), find_rig(rig)
@@ -92,42 +88,30 @@ def twin(
             out,
             effects=effects,
             seed=seed,
+            facts={"preset": preset, "rig": rig},
             overwrite=overwrite,
             progress=progress,
         )
     captures = describe_captures(output, folders)
     images = sum(item.image_count for item in sequence.sets)
     output.line(f"wrote {len(folders)} x {images} images with their truth in {out}")
-    output.result({"scene": seen.name, "rig": rig, "out": out, "captures": captures})
-
-
-def find_scene(name: str) -> Scene:
-    """A scene by its file or name."""
-    from fringeworks.files.scene import read_scene
-    from fringeworks.twin.scenes import named_scene
-
-    return read_scene(Path(name)) if _is_file(name) else named_scene(name)
-
-
-def find_rig(name: str) -> Rig:
-    """A rig by its file or name."""
-    from fringeworks.files import read_rig
-    from fringeworks.twin.scenes import named_rig
-
-    return read_rig(Path(name)) if _is_file(name) else named_rig(name)
-
-
-def _is_file(name: str) -> bool:
-    """Names have no suffix; a folder that happens to be called like one is not meant."""
-    return Path(name).is_file() or Path(name).suffix != ""
+    output.result(
+        {"scene": seen.name, "rig": rig, "preset": preset, "seed": seed, "out": out}
+        | {"captures": captures}
+    )
 
 
 def describe_captures(output: Output, folders: list[Path]) -> list[dict[str, Any]]:
     """Print what each capture sees; returns the same."""
-    from fringeworks.files.simulation import TRUTH_NPZ
-    from fringeworks.files.truth import read_truth
+    from fringeworks.acquire.simulated import TRUTH_NPZ
+    from fringeworks.files import read_truth
+    from fringeworks.report.summary import summarise_truth
 
-    captures = [_summarise(folder, read_truth(folder / TRUTH_NPZ)) for folder in folders]
+    captures: list[dict[str, Any]] = [
+        {"capture": folder, "truth": folder / TRUTH_NPZ}
+        | summarise_truth(read_truth(folder / TRUTH_NPZ))
+        for folder in folders
+    ]
     rows = [
         (
             folder.name,
@@ -141,20 +125,3 @@ def describe_captures(output: Output, folders: list[Path]) -> list[dict[str, Any
     head = ("capture", "objects", "of the image", "lit of these", "depth z, mm")
     output.table(head, rows, numbers=(2, 3))
     return captures
-
-
-def _summarise(folder: Path, truth: Truth) -> dict[str, Any]:
-    import numpy as np
-
-    seen = truth.surface >= 0
-    depth = truth.xyz[..., 2][seen]
-    return {
-        "capture": folder,
-        "truth": folder / "truth.npz",
-        "surfaces": [
-            name for place, name in enumerate(truth.names) if (truth.surface == place).any()
-        ],
-        "seen_share": float(np.mean(seen)),
-        "lit_share": float(np.mean(np.isfinite(truth.column[seen]))),
-        "z_mm": {"min": float(depth.min()), "max": float(depth.max())},
-    }

@@ -26,14 +26,13 @@ Floats = NDArray[np.float64]
 class Bias:
     """Error of a cloud after rigid alignment with the truth, mm; 95 % of the points are below.
 
-    `normal_p95_mm` is along the true surface's normal, `depth_p95_mm` along z; `moved_mm` says how
-    far the alignment moved the cloud's middle. `normal_mm` is the signed error along the normal,
-    positive towards the camera, ``(H, W)``, NaN where nothing was compared.
+    `normal_p95_mm` is along the true surface's normal, `depth_p95_mm` along z; `normal_mm` is the
+    signed error along the normal, positive towards the camera, ``(H, W)``, NaN where nothing was
+    compared.
     """
 
     normal_p95_mm: float
     depth_p95_mm: float
-    moved_mm: float
     normal_mm: Floats
 
 
@@ -64,11 +63,9 @@ def find_bias(cloud: Cloud, truth: Truth) -> Bias:
     normals = grid_normals(truth.xyz.astype(np.float32))[use].astype(np.float64)
     along = np.full(use.shape, np.nan)
     along[use] = np.einsum("ni,ni->n", error, normals)
-    middle = seen.mean(axis=0)
     return Bias(
         normal_p95_mm=float(np.nanpercentile(np.abs(along), 95)),
         depth_p95_mm=float(np.percentile(np.abs(error[:, 2]), 95)),
-        moved_mm=float(np.linalg.norm(rotation @ middle + translation - middle)),
         normal_mm=along,
     )
 

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
+from fringeworks.acquire.simulated import BOARD_TOML, TRUTH_NPZ, write_simulations
 from fringeworks.calibrate import calibrate_captures
 from fringeworks.experiments.truth import Bias, find_bias, predicted_form_mm, sigma_ratio
 from fringeworks.files import read_board, read_capture, write_cloud, write_rig
-from fringeworks.files.simulation import BOARD_TOML, TRUTH_NPZ, write_simulations
 from fringeworks.files.truth import read_truth
 from fringeworks.geometry.forms import CylinderFit
 from fringeworks.measure.region import Region

@@ -99,7 +99,7 @@ def write_sequence(
     """
     target = Path(folder) / CAPTURE_TOML
     text = describe_capture(sequence, sensor=sensor, provenance=provenance)
-    _clear(target, overwrite=overwrite)
+    make_room(target.parent, overwrite=overwrite)
     names, sources = frame_names(sequence), iter(stacks)
     for place in (progress or no_progress)(range(len(names)), "writing images"):
         images = _next_images(sources, place, expected=len(names[place]), sets=len(names))
@@ -152,13 +152,25 @@ def describe_capture(
     )
 
 
-def _clear(target: Path, *, overwrite: bool) -> None:
-    if not target.exists():
-        return
-    if not overwrite:
-        raise UsageError(f"{target.parent}: holds a capture already; choose another folder")
+def make_room(folder: Path, *, overwrite: bool) -> None:
+    """Have no capture in `folder`: one that is there goes with `overwrite`, its images stay.
+
+    Raises
+    ------
+    UsageError
+        `folder` holds a capture and `overwrite` is False, or is no folder.
+    FormatError
+        The capture cannot be removed.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder}: must be a folder, but is a file")
+    target = folder / CAPTURE_TOML
+    if not overwrite and target.exists():
+        raise UsageError(
+            f"{folder}: holds a capture already; choose another folder or overwrite it"
+        )
     try:
-        target.unlink()
+        target.unlink(missing_ok=True)
     except OSError as error:
         raise FormatError(f"{target}: cannot be replaced ({error.strerror or error})") from error
 

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from fringeworks.errors import FormatError
-from fringeworks.files.rig import read_rig
-from fringeworks.files.scene import read_scene
+from fringeworks.files.named import find_rig, find_scene
 from fringeworks.files.sensor import read_sensor
 from fringeworks.files.validation import Table, check_format, read_toml, refusing, validated
 from fringeworks.model import Rig
 from fringeworks.twin.effects import Effects
 from fringeworks.twin.scene import Scene
-from fringeworks.twin.scenes import named_rig, named_scene
 
 STATION_FORMAT = "fringeworks-station/1"
 
@@ -30,7 +28,6 @@ PLANNED_KINDS = {
 SHOWN_DIGITS = 12
 """Digits of a file's SHA-256 that tell it from its earlier states."""
 
-Named = TypeVar("Named")
 Name = Annotated[str, Field(min_length=1)]
 Milliseconds = Annotated[float, Field(ge=0, le=60_000)]
 
@@ -145,9 +142,12 @@ def read_station(path: str | Path) -> Station:
     file = validated(StationFile, document, path)
     seen = file.simulated
     effects = Effects() if seen.sensor is None else read_sensor(path.parent / seen.sensor)
+    with refusing(path):
+        scene = find_scene(seen.scene, beside=path.parent)
+        rig = find_rig(seen.rig, beside=path.parent)
     return Station(
-        scene=_resolve(seen.scene, path, named=named_scene, read=read_scene, suffix=".toml"),
-        rig=_resolve(seen.rig, path, named=named_rig, read=read_rig, suffix=".json"),
+        scene=scene,
+        rig=rig,
         effects=effects,
         latency_ms=file.projector.latency_ms,
         exposure_ms=file.camera.exposure_ms or effects.camera.exposure_ms,
@@ -165,21 +165,6 @@ def _refuse_planned(document: Mapping[str, Any], path: Path) -> None:
             raise FormatError(
                 f"{path}: {device}.kind '{kind}' is planned, not supported yet; use simulated"
             )
-
-
-def _resolve(
-    name: str,
-    path: Path,
-    *,
-    named: Callable[[str], Named],
-    read: Callable[[Path], Named],
-    suffix: str,
-) -> Named:
-    """What has this name, or what stands in the file of this name."""
-    if Path(name).suffix == suffix:
-        return read(path.parent / name)
-    with refusing(path):
-        return named(name)
 
 
 def _facts(file: StationFile, path: Path) -> dict[str, str | int | float]:

@@ -16,8 +16,9 @@ from fringeworks.model import Cloud, CodedAxis, Lens, Noise, Rig, Void, WrappedP
 from fringeworks.model.phase import VOID_WORDS, VoidMap
 from fringeworks.phase.decode import Decoding
 
-if TYPE_CHECKING:  # a scan need not load what calibrates
+if TYPE_CHECKING:  # a scan need not load what calibrates, nor what simulates
     from fringeworks.calibrate.record import CalibrationRecord, ViewRecord
+    from fringeworks.twin.truth import Truth
 
 Summary = dict[str, Any]
 
@@ -90,6 +91,18 @@ def summarise_cloud(cloud: Cloud) -> Summary:
         "z_mm": {"p1": float(low), "median": float(np.median(points[:, 2])), "p99": float(high)},
         "sigma_mm_median": _median(cloud.sigma_mm),
         "epipolar_rms_px": float(np.sqrt(np.mean(epipolar**2))) if epipolar.size else None,
+    }
+
+
+def summarise_truth(truth: Truth) -> Summary:
+    """Which surfaces a simulated capture sees, how much of the image, and how much of it is lit."""
+    seen = truth.surface >= 0
+    depth = truth.xyz[..., 2][seen]
+    return {
+        "surfaces": [truth.names[place] for place in np.unique(truth.surface[seen])],
+        "seen_share": float(np.mean(seen)),
+        "lit_share": float(np.mean(np.isfinite(truth.column[seen]))),
+        "z_mm": {"min": float(depth.min()), "max": float(depth.max())},
     }
 
 

@@ -19,7 +19,7 @@ from fringeworks.kernels.shading import exchange_light
 from fringeworks.twin.cast import Caster, Sight
 from fringeworks.twin.effects import ProjectorEffects
 from fringeworks.twin.optics import Optics
-from fringeworks.twin.shade import pixel_grid, vignetting
+from fringeworks.twin.shade import vignetting
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -75,7 +75,7 @@ def find_bounce(
     pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
     receivers = caster.look(*camera.rays(pixels))
     carried = _carry(caster, senders, receivers)
-    full = caster.look(*camera.rays(pixel_grid(camera)))
+    full = caster.look(*camera.rays(camera.pixel_grid()))
     return Bounce(carried, _spread(full, receivers, columns=columns, rows=rows))
 
 

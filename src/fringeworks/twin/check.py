@@ -31,6 +31,18 @@ from fringeworks.twin.truth import Truth
 
 ROTATION_TOLERANCE = 1e-6
 
+MOST_OF_ALL = 1e6
+"""A magnitude beyond this is no effect of any device."""
+
+MOST = {
+    "camera.full_well_e": 1e15,
+    "camera.read_noise_e": 1e15,
+    "camera.pixel_seed": 2**63,
+    "camera.blur_px": 20.0,
+    "projector.blur_px": 20.0,
+}
+"""Other bounds: the work of a blur grows with its width."""
+
 
 def check_scene(scene: Scene) -> None:
     """Refuse a scene that cannot be.
@@ -114,6 +126,9 @@ def check_effects(effects: Effects) -> None:
         _require(math.isfinite(value) and value > 0, name, "above 0", value)
     for name, value in not_below_zero.items():
         _require(math.isfinite(value) and value >= 0, name, "0 or above", value)
+    for name, value in {**above_zero, **not_below_zero}.items():
+        most = MOST.get(name, MOST_OF_ALL)
+        _require(value <= most, name, f"at most {most:g}", value)
     for name, value in shares.items():
         _require(0 <= value <= 1, name, "a share, 0 to 1", value)
     _check_choices(effects)

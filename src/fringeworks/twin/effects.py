@@ -1,7 +1,7 @@
 """What light, lenses and electronics do to a capture: every effect with its magnitude and unit.
 
 Zero switches an effect off. The defaults are those of an industrial camera and a pico projector
-in pattern mode (the paper's rig). `Effects.ideal` has none of them.
+in pattern mode. `Effects.ideal` has none of them.
 """
 
 from __future__ import annotations
@@ -144,15 +144,14 @@ class Effects:
     samples: Literal[1, 4, 16] = 4
 
     def without_noise(self) -> Effects:
-        """The same light, seen without anything random, in 16 bits."""
+        """The same light without anything random, seen in 16 bits."""
         camera = replace(
             self.camera, bits=16, read_noise_e=0.0, prnu=0.0, dsnu=0.0, shot_noise=False
         )
         return replace(
             self,
             camera=camera,
-            projector=replace(self.projector, flicker=0.0, bits=16),
-            ambient=replace(self.ambient, ripple=0.0),
+            projector=replace(self.projector, flicker=0.0),
         )
 
     @classmethod

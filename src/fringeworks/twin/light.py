@@ -39,6 +39,7 @@ LEVEL_RATIO = 1.25
 height, is that of ``(S2 - S1)^2 / 8`` times an edge's second derivative by the variance S."""
 
 LEAST_SIGMA_PX = 0.1
+MOST_SIGMA_PX = 50.0
 SIGMAS_KEPT = 4.0
 
 
@@ -245,9 +246,12 @@ def respond(level: Array, effects: ProjectorEffects) -> Array:
 
 
 def blur_sigma_px(depth_mm: Array, effects: ProjectorEffects) -> Array:
-    """Standard deviation, columns, of the point spread at depths along the projector's axis."""
+    """Standard deviation, columns, of the point spread at depths along the projector's axis.
+
+    At most `MOST_SIGMA_PX`: fringes of 100 px have faded to a hundredth there.
+    """
     away = 1000 / depth_mm - 1000 / effects.focus_mm
-    return np.hypot(effects.blur_px, effects.defocus_px_m * away)
+    return np.minimum(np.hypot(effects.blur_px, effects.defocus_px_m * away), MOST_SIGMA_PX)
 
 
 def choose_sigmas(least_px: float, most_px: float) -> Array:

@@ -55,6 +55,11 @@ class Optics:
     pupil_shift_mm: float = 0.0
     device_from_camera: Pose = field(default_factory=Pose.identity)
 
+    def pixel_grid(self) -> Array:
+        """Centres ``(H W, 2)`` of the image's pixels, row by row."""
+        rows, columns = np.mgrid[: self.height, : self.width].astype(np.float64)
+        return np.stack([columns, rows], axis=-1).reshape(-1, 2)
+
     def rays(self, pixels: Array) -> tuple[Array, Array]:
         """Rays through pixels ``(n, 2)``: origins, mm, and unit directions, both ``(n, 3)``.
 

@@ -74,12 +74,6 @@ def spread_rays(count: int) -> Array:
     return np.asarray((places + 0.5) / count - 0.5)
 
 
-def pixel_grid(device: Optics) -> Array:
-    """Centres ``(H W, 2)`` of a device's pixels, row by row."""
-    rows, columns = np.mgrid[: device.height, : device.width].astype(np.float64)
-    return np.stack([columns, rows], axis=-1).reshape(-1, 2)
-
-
 def vignetting(pixels: Array, device: Optics, share: float) -> Array:
     """Light ``(n,)`` that a lens passes at pixels ``(n, 2)``: ``1 - share (d / d_corner)^2``."""
     centre = np.array([device.lens.cx, device.lens.cy])
@@ -105,7 +99,7 @@ def _sample(
 ) -> Array:
     """Fill one ray per pixel ``(n, 4)``, its level the variance for now; its reflected light."""
     camera, projector = devices
-    pixels = pixel_grid(camera) + offset
+    pixels = camera.pixel_grid() + offset
     eyes, directions = camera.rays(pixels)
     sight = caster.look(eyes, directions, pixel_rad=ray_angle(camera, effects.samples))
     passed = vignetting(pixels, camera, effects.camera.vignetting)

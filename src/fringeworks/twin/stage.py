@@ -52,14 +52,14 @@ class Stage:
         self.scene = scene
         self.rig = rig
         self.effects = effects or Effects()
+        check_scene(scene)
+        check_effects(self.effects)
         self.camera, self.projector = optics_of(rig)
         self._chip = make_chip(
             self.effects.camera, width=self.camera.width, height=self.camera.height
         )
         self._moves = any(item.moves for item in scene.objects)
         self._still: _Moment | None = None
-        check_scene(scene)
-        check_effects(self.effects)
         self._first_truth = self._find_truth(0.0)
         check_view(self._first_truth)
 

@@ -41,9 +41,7 @@ class Truth:
 def find_truth(caster: Caster, camera: Optics, projector: Optics) -> Truth:
     """The truth of a scene under a rig's optics."""
     shape = (camera.height, camera.width)
-    rows, columns = np.indices(shape, dtype=np.float64)
-    rays = camera.rays(np.stack([columns.ravel(), rows.ravel()], axis=-1))
-    sight = caster.look(*rays)
+    sight = caster.look(*camera.rays(camera.pixel_grid()))
     coordinates = light_on(caster, sight, projector)
     return Truth(
         xyz=sight.points.reshape(*shape, 3),
