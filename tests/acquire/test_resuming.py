@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +16,7 @@ import numpy as np
 import pytest
 
 from fringeworks.acquire import Timing, count_taken, journal
+from fringeworks.acquire.lock import LOCK
 from fringeworks.errors import FormatError, UsageError
 from fringeworks.files import read_capture, read_image, write_image
 from fringeworks.files.acquiring import ACQUIRING_JSON
@@ -210,3 +216,61 @@ def test_what_cannot_be_shown_is_wrong_use(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"timeout_s must be above 0\.02, two exposures"):
         acquire(tmp_path, timing=Timing(timeout_s=0.02))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("held", "who"), [(None, "process"), ("", "another process")])
+def test_one_acquisition_at_a_time(tmp_path: Path, held: str | None, who: str) -> None:
+    """The lock names a process that lives, this one, or none that could be asked for."""
+    (tmp_path / LOCK).write_text(str(os.getpid()) if held is None else held)
+    with pytest.raises(UsageError, match=rf"{who} .*acquires into it; .* remove .*{LOCK}"):
+        acquire(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [LOCK]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere no process can be asked whether it lives")
+def test_what_a_dead_process_locked_is_taken_over(tmp_path: Path) -> None:
+    gone = subprocess.check_output([sys.executable, "-c", "import os; print(os.getpid())"])
+    (tmp_path / LOCK).write_bytes(gone)
+    assert acquire(tmp_path).taken == len(NAMES)
+    assert not (tmp_path / LOCK).exists()
+
+
+def test_an_interrupted_run_unlocks(tmp_path: Path) -> None:
+    interrupt(tmp_path, at=12)
+    assert not (tmp_path / LOCK).exists()
+
+
+def with_image(text: str, name: str) -> str:
+    """A journal that claims an image of one byte more."""
+    document = json.loads(text)
+    document["images"][name] = {"sha256": hashlib.sha256(b"x").hexdigest(), "time_s": 1e9}
+    return json.dumps(document)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda _: "[" * 100_000, "too deeply nested; begin anew"),
+        (lambda text: with_image(text, "a\0.png"), "must be a name"),
+        (lambda text: with_image(text, "/dev/zero"), "leaves the acquisition's folder"),
+    ],
+)
+def test_a_hostile_journal(tmp_path: Path, spoil: Callable[[str], str], message: str) -> None:
+    interrupt(tmp_path, at=12)
+    taken = tmp_path / ACQUIRING_JSON
+    taken.write_text(spoil(taken.read_text()))
+    with pytest.raises(FormatError, match=message):
+        acquire(tmp_path)
+    with pytest.raises(FormatError, match=message):
+        count_taken(tmp_path)
+
+
+def test_images_that_are_not_planned_count_for_nothing(tmp_path: Path) -> None:
+    """Times go on after the last one of the sequence's own."""
+    interrupt(tmp_path, at=12)
+    taken = tmp_path / ACQUIRING_JSON
+    taken.write_text(with_image(taken.read_text(), "other.png"))
+    (tmp_path / "other.png").write_bytes(b"x")
+    acquire(tmp_path)
+    sets = read_capture(tmp_path).sequence.sets
+    assert max(time for item in sets for time in item.timestamps_s or ()) < 1e6

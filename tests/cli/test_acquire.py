@@ -110,6 +110,12 @@ def test_a_finished_capture_is_not_replaced_unasked(station: Path, tmp_path: Pat
     assert run(*arguments, "--overwrite").exit_code == 0
 
 
+def test_where_no_folder_can_be(station: Path, tmp_path: Path) -> None:
+    told = run(*PRESET, "--station", station, "--out", tmp_path / ("n" * 300))
+    assert told.exit_code == 1
+    assert "cannot be read (File name too long)" in told.stderr
+
+
 def test_other_patterns_do_not_go_on(
     station: Path, tmp_path: Path, faulty: Callable[[Faults], None]
 ) -> None:

@@ -128,7 +128,7 @@ def blind_rig() -> Rig:
     [
         (("twin", "nonsense"), 2, "scene must be a file or one of cylinder, two, hand"),
         (("twin", "missing.toml"), 1, "missing.toml: cannot be read"),
-        (("twin", "{outside}"), 2, "the camera sees nothing of the scene (cylinder)"),
+        (("twin", "{outside}"), 2, "scene 'cylinder': the camera sees nothing of it (cylinder)"),
         (("twin", "wall", "--rig", "{blind}"), 2, "the rig points away"),
         (("twin", "wall", "--rig", "nonsense"), 2, "rig must be a file or one of paper, warped"),
         (("twin", "wall", "--sensor", "{dark}"), 1, "camera.exposure_ms must be"),
@@ -166,3 +166,88 @@ def test_the_help_names_every_scene() -> None:
     assert all(name in said for name in SCENES)
     assert twin.__doc__ is not None
     assert isinstance(paper_rig().projector, Projector)
+
+
+@pytest.fixture
+def own(rig: Path, tmp_path: Path) -> tuple[object, ...]:
+    """Somebody's scene, rig and sensor in one folder, and a call that reads them."""
+    folder = tmp_path / "own"
+    write_scene(folder / "scene.toml", cylinder_scene())
+    write_sensor(folder / "sensor.toml", Effects())
+    (folder / "small.json").write_bytes(rig.read_bytes())
+    made_from = ("--rig", folder / "small.json", "--sensor", folder / "sensor.toml")
+    return ("twin", folder / "scene.toml", *made_from, *PATTERNS)
+
+
+@pytest.mark.parametrize("options", [(), ("--overwrite",)])
+def test_its_own_input_is_never_replaced(
+    own: tuple[object, ...], tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    before = {path: path.read_bytes() for path in (tmp_path / "own").iterdir()}
+    done = run(*own, "--out", tmp_path / "own", *options)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "is read here and would be replaced" in done.stderr
+    assert {path: path.read_bytes() for path in (tmp_path / "own").iterdir()} == before
+
+
+@pytest.mark.parametrize("name", ["truth.npz", "scene.toml", "true_rig.json", "white.png"])
+def test_other_peoples_files_are_not_replaced_unasked(
+    own: tuple[object, ...], tmp_path: Path, name: str
+) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / name).write_text("mine")
+    done = run(*own, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert f"{name}: is there already; choose another folder or overwrite it" in done.stderr
+    assert (tmp_path / "out" / name).read_text() == "mine"
+    assert run(*own, "--out", tmp_path / "out", "--overwrite").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("out", "status", "words"),
+    [
+        ("a.txt", 2, "a.txt: must be a folder, but is a file"),
+        ("a.txt/b/c", 2, "a.txt: must be a folder, but is a file"),
+        ("n" * 300, 1, "cannot be written (File name too long)"),
+    ],
+)
+def test_where_no_folder_can_be(
+    own: tuple[object, ...],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    out: str,
+    status: int,
+    words: str,
+) -> None:
+    """Said before anything is simulated."""
+    monkeypatch.setattr("fringeworks.acquire.simulated.simulate", pytest.fail)
+    (tmp_path / "a.txt").touch()
+    done = run(*own, "--out", tmp_path / out)
+    assert done.exit_code == status
+    assert words in done.stderr
+
+
+def test_what_fails_in_the_end_leaves_an_earlier_capture(
+    own: tuple[object, ...], tmp_path: Path
+) -> None:
+    """A read noise of 1e15 electrons is more grey levels than a capture.toml may say."""
+    out = ("--out", tmp_path / "out", "--overwrite")
+    assert run(*own, *out).exit_code == 0
+    noisy = replace(Effects(), camera=replace(Effects().camera, read_noise_e=1e15))
+    write_sensor(tmp_path / "own" / "sensor.toml", noisy)
+    done = run(*own, *out)
+    assert done.exit_code == 2
+    assert "could not be read back" in done.stderr
+    assert "read_noise" in done.stderr
+    assert (tmp_path / "out" / "capture.toml").exists()
+
+
+def test_a_pose_out_of_view_is_named_before_any_capture(rig: Path, tmp_path: Path) -> None:
+    scene = board_scene()
+    away = replace(scene.poses[1], translation_mm=np.array([5000.0, 0.0, 700.0]))
+    write_scene(tmp_path / "two.toml", replace(scene, poses=(scene.poses[0], away)))
+    out = tmp_path / "board"
+    done = run("twin", tmp_path / "two.toml", "--rig", rig, *PATTERNS, "--out", out)
+    assert done.exit_code == 2
+    assert "scene 'pose_01': the camera sees nothing of it" in done.stderr
+    assert not out.exists()

@@ -11,6 +11,7 @@ import pytest
 from fringeworks.devices import Faults, Grab, MonotonicClock, SimulatedBench, VirtualClock
 from fringeworks.devices.simulated import BUFFERED_FRAMES
 from fringeworks.errors import ShapeError
+from fringeworks.twin.effects import LEAST_MS, Effects
 from tests.devices.stages import HEIGHT, WIDTH, MirrorStage, flat, seen
 
 INTERVAL_S = 0.0333
@@ -165,3 +166,14 @@ def test_the_machines_clock() -> None:
     before = clock.now()
     clock.sleep(0.01)
     assert clock.now() - before >= 0.01
+
+
+def test_frames_that_nobody_fetches_cost_nothing(make: Make) -> None:
+    """A minute of a hundred thousand frames a second."""
+    bench, clock, stage = make(latency_ms=0.0)
+    stage.effects = Effects(frame_interval_ms=LEAST_MS)
+    grab(bench, exposure_ms=0.01)
+    clock.sleep(60.0)
+    numbers = [grab(bench, exposure_ms=0.01).number for _ in range(BUFFERED_FRAMES + 1)]
+    assert numbers[:-1] == [1, 2, 3, 4]
+    assert numbers[-1] == pytest.approx(6_000_000, abs=2)

@@ -156,6 +156,8 @@ def test_xyz_refusals(tmp_path: Path, data: bytes, message: str) -> None:
 def test_no_such_file(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(FormatError, match="no such file"):
         read_cloud(tmp_path / f"a.{suffix}")
+    with pytest.raises(FormatError, match="cannot be read"):
+        read_cloud(tmp_path / f"{'a' * 300}.{suffix}")
 
 
 @pytest.mark.parametrize(

@@ -16,9 +16,9 @@ from PIL import Image
 
 from fringeworks.errors import FormatError, ShapeError, UsageError
 from fringeworks.files import read_image, write_image
-from fringeworks.files.image_header import MAX_PIXELS, inspect_image
+from fringeworks.files.image_header import inspect_image
 from fringeworks.files.images import to_grey
-from fringeworks.model.capture import Frames
+from fringeworks.model.capture import MAX_PIXELS, Frames
 from tests.files.folders import pixels, write_raw
 
 GREY8 = pixels("grey", shape=(11, 13))
@@ -187,9 +187,12 @@ def test_cmyk_and_few_bit_bmp(tmp_path: Path) -> None:
 
 
 def test_missing_file_and_folder(tmp_path: Path) -> None:
-    for path in (tmp_path, tmp_path / "none.png"):
-        with pytest.raises(FormatError, match="no such file"):
-            inspect_image(path)
+    with pytest.raises(FormatError, match="not a regular file; is it a folder or a device"):
+        inspect_image(tmp_path)
+    with pytest.raises(FormatError, match="no such file"):
+        inspect_image(tmp_path / "none.png")
+    with pytest.raises(FormatError, match="cannot be read"):
+        inspect_image(tmp_path / ("n" * 300))
 
 
 def test_a_flipped_bit_in_a_png_is_found(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -112,6 +113,17 @@ def test_squares_are_cut_into_triangles_and_parts_joined(tmp_path: Path) -> None
         ("part.stl", "", r"part\.stl: holds no faces; export a mesh of triangles, not points"),
         ("part.stl", b"\xff\xfe\x00 no mesh", r"part\.stl: not a readable STL mesh"),
         ("part.ply", "no mesh\n", r"part\.ply: not a readable PLY mesh \(Not a ply file"),
+        (
+            "part.stl",
+            bytes(80) + b"\2\0\0\0" + bytes(50),
+            r"part\.stl: not a readable STL mesh: the header says 2 triangles, 184 bytes, .* 134",
+        ),
+        (
+            "part.ply",
+            PLY.format(faces=3, y=1) + "3 0 1 2\n",
+            r"part\.ply: cut off: the header says 3 faces, the file holds 1; export",
+        ),
+        ("part.obj", OBJ + "v 2e6 0 0\nf 1 3 4\n", r"coordinates of at most 1e\+06 mm, got 2e"),
         ("part.obj", OBJ, r"part\.obj: holds no faces"),
         ("part.obj", OBJ + "f 1 2 9\n", r"part\.obj: not a readable OBJ mesh \(index 8 is out of"),
         ("part.ply", PLY.format(faces=0, y=1), r"part\.ply: holds no faces"),
@@ -123,6 +135,15 @@ def test_what_is_no_mesh(tmp_path: Path, name: str, content: str | bytes, messag
     pytest.importorskip("trimesh")
     with pytest.raises(FormatError, match=message):
         read_mesh_scene(tmp_path, name, content)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes have names there")
+def test_a_folder_or_a_pipe_is_no_mesh(tmp_path: Path) -> None:
+    (tmp_path / "a.stl").mkdir()
+    os.mkfifo(tmp_path / "b.stl")
+    for name in ("a.stl", "b.stl"):
+        with pytest.raises(FormatError, match="not a regular file; is it a folder or a device"):
+            mesh.read_mesh(tmp_path / name)
 
 
 @pytest.mark.parametrize("name", ["../part.stl", "/etc/hostname.stl", "C:part.stl", "a\\b.stl", ""])

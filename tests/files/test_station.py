@@ -1,14 +1,18 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from fringeworks.errors import FormatError
-from fringeworks.files import write_rig
+from fringeworks.files import write_rig, write_scene
+from fringeworks.files.mesh import write_mesh
 from fringeworks.files.station import Station, Timing, read_station
 from fringeworks.twin.effects import Effects
 from fringeworks.twin.scenes import named_rig
+from tests.files.test_mesh import pyramid
+from tests.files.test_scene import scene_of
 
 DEVICES = """[projector]
 kind = "simulated"
@@ -67,9 +71,24 @@ def test_files_stand_relative_to_the_stations(tmp_path: Path) -> None:
     assert read.facts["scene"] == changed.facts["scene"]
 
 
+def test_a_scenes_meshes_are_facts_too(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    write_scene(tmp_path / "part.toml", scene_of(pyramid()))
+    text = GOOD.replace('"cylinder"', '"part.toml"')
+    before = station(tmp_path, text).facts["scene"]
+    mesh = pyramid()
+    write_mesh(tmp_path / "part_1.ply", replace(mesh, vertices=2 * mesh.vertices))
+    assert station(tmp_path, text).facts["scene"] != before
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        (
+            "[camera]",
+            "latency_ms = 60.5\n[camera]",
+            "settle_ms must be at least projector.latency_ms, 60.5, got 60",
+        ),
         ('[camera]\nkind = "simulated"', '[camera]\nkind = "genicam"', "camera.kind 'genicam' is"),
         ('[projector]\nkind = "simulated"', '[projector]\nkind = "window"', "'window' is planned"),
         (
@@ -79,6 +98,11 @@ def test_files_stand_relative_to_the_stations(tmp_path: Path) -> None:
         ),
         ('[camera]\nkind = "simulated"\n', "", "camera is missing"),
         (DEVICES, 'camera = 3\n[projector]\nkind = "simulated"\n', "camera must be a table"),
+        ('kind = "simulated"\n[sim', 'kind = "simulated"\nexposure_ms = 1e-4\n[sim', ">= 0.001"),
+        ('rig = "paper"', f'rig = "paper"\nseed = {10**4000}', "seed must be <= 922"),
+        ('"cylinder"', r'"a\u0000.toml"', "cannot be read"),
+        ('"paper"', r'"a\u0000.json"', "cannot be read"),
+        ('rig = "paper"', 'rig = "paper"\nsensor = "a\\u0000"', "cannot be read"),
         ('scene = "cylinder"\n', "", "simulated.scene is missing"),
         ('"cylinder"', '"cylindre"', r"station\.toml: scene must be a file or one of"),
         ('"paper"', '"papper"', "rig must be a file or one of paper"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -214,6 +216,16 @@ class TestNoCylinder:
         # The best of all directions: chi^2 of three degrees, above 25 once in sixty thousand.
         with pytest.raises(MeasurementError, match="do not tell a cylinder from a plane"):
             fit_cylinder(points)
+
+    def test_a_sphere_is_told_soon(self) -> None:
+        """On a sample: the fit to all of its points would wander for minutes."""
+        rng = np.random.default_rng(1)
+        points = rng.normal(0, 1, (1_000_000, 3))
+        points *= 50 / np.linalg.norm(points, axis=1, keepdims=True)
+        before = time.process_time()
+        with pytest.raises(MeasurementError, match="no cylinder settles"):
+            fit_cylinder(points + MIDDLE)
+        assert time.process_time() - before < 30  # 1 s, but for a machine that is busy
 
     def test_two_crossed_lines(self) -> None:
         # Skew ones: many cylinders touch both.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fringeworks.errors import DecodeError, ShapeError, UsageError
-from fringeworks.model import Camera, ProjectorMap, Rig
+from fringeworks.model import Camera, ProjectorMap, Rig, Void
 from fringeworks.reconstruct.full import CloudRules, triangulate
 from tests.scenes import CAMERA, POSE, PROJECTOR, RIG, map_of, plane_points
 
@@ -147,6 +147,21 @@ def test_a_rig_that_did_not_take_the_capture_is_told() -> None:
     coded.row.coordinate[SHAPE[0] // 5 :] += 3.0
     with pytest.raises(DecodeError, match="this rig did not take the capture"):
         triangulate(coded, RIG)
+
+
+def test_many_pixels_that_fit_no_sinusoid_are_told() -> None:
+    coded = map_of(RIG, TILTED)
+    assert coded.column is not None
+    rows = SHAPE[0] // 20
+    coded.column.void[:rows] = Void.RESIDUAL
+    coded.column.coordinate[:rows] = np.nan
+    assert triangulate(coded, RIG).findings == ()
+    rows = SHAPE[0] // 4
+    coded.column.void[:rows] = Void.RESIDUAL
+    coded.column.coordinate[:rows] = np.nan
+    (finding,) = triangulate(coded, RIG).findings
+    assert finding.message.startswith("25% of the pixels with fringes along x are void")
+    assert "gamma" in finding.remedy
 
 
 def test_intensity_is_the_offset_unless_a_white_frame_is_given() -> None:

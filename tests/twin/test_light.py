@@ -39,7 +39,7 @@ def read(table: LightTable, u: Array | float, v: Array | float, level: float = 0
     """Light of a table at places, as a camera of one ray per pixel would gather it."""
     u, v = np.broadcast_arrays(np.atleast_1d(u).astype(float), np.atleast_1d(v).astype(float))
     samples = np.stack([u, v, np.full(u.shape, level), np.ones(u.shape)], axis=-1)
-    light: Array = table.gather(samples[None, :, None].astype(np.float32))[0].astype(np.float64)
+    light: Array = table.gather(samples[None].astype(np.float32))[0].astype(np.float64)
     return light
 
 

@@ -108,9 +108,37 @@ def test_optics_of_a_rig() -> None:
         ({"camera": {"k7": 1.0}}, "rig.twin.camera must have keys of k4.*got k7"),
         ({"camera": {"k4": "x"}}, "rig.twin.camera.k4 must be a finite number, got 'x'"),
         ({"projector": {"k4": np.nan}}, "rig.twin.projector.k4 must be a finite number, got nan"),
+        ({"projector": {"k6": 1e308}}, r"rig.twin.projector.k6 must be -1e\+06 to 1e\+06"),
         ([1], "rig.twin must be a table, got list"),
     ],
 )
 def test_what_a_rig_may_not_say(twin: object, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         optics_of(rig(twin))
+
+
+LENS = Lens(100, 100, 5, 5)
+
+
+@pytest.mark.parametrize(
+    ("camera", "words"),
+    [
+        (Camera(65536, 65536, LENS), "camera must have at most 89478485 pixels .* 65536x65536"),
+        (Camera(10, 8, replace(LENS, fx=1e-300)), r"camera.fx must be 1 to 1e\+06 px, got 1e-300"),
+        (Camera(10, 8, replace(LENS, fy=np.inf)), "camera.fy must be 1 to"),
+        (Camera(10, 8, replace(LENS, k3=1e300)), r"camera.k3 must be -1e\+06 to 1e\+06"),
+    ],
+)
+def test_devices_that_cannot_be_simulated(camera: Camera, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        optics_of(replace(rig({}), camera=camera))
+
+
+@pytest.mark.parametrize("terms", [{"k4": 1e-320}, {"k6": 1e-310, "k4": -1e-320}, {}])
+def test_terms_of_next_to_nothing_are_none(terms: dict[str, float]) -> None:
+    camera = Camera(10, 8, replace(LENS, k1=-0.1, k3=1e-310))
+    optics, _ = optics_of(replace(rig({"camera": terms}), camera=camera))
+    plain = replace(optics, lens=replace(LENS, k1=-0.1), rational=(0.0, 0.0, 0.0))
+    points = np.array([[10.0, 20.0, 100.0], [3e3, 0.0, 1e3]])  # the second beyond the fold
+    np.testing.assert_array_equal(optics.pixels(points), plain.pixels(points))
+    assert np.isfinite(plain.pixels(points)[:, 0]).tolist() == [True, False]

@@ -62,7 +62,7 @@ def test_gain_of_a_facing_wall() -> None:
     # Pixel (70, 30) sees (10, -5, 500); the projector at (100, 0, 0) sees it at (10, 45) px,
     # d^2 = 90^2 + 5^2 + 500^2 = 258125 mm^2 away, under a cosine of 500 / d.
     effects = replace(IDEAL, projector=replace(IDEAL.projector, focus_mm=600.0))
-    column, row, _, gain = look(wall(500.0, albedo=0.8), effects).samples[30, 70, 0]
+    column, row, _, gain = look(wall(500.0, albedo=0.8), effects).samples[30, 70]
     assert (column, row) == pytest.approx((10, 45), abs=1e-5)
     assert gain == pytest.approx(0.8 * 500 / math.sqrt(258125) * 600**2 / 258125, rel=1e-6)
 
@@ -82,7 +82,7 @@ def test_irradiance_falls_as_cosine_over_squared_distance(degrees: float, z: flo
     u = 500 * (points[..., 0] - 100) / points[..., 2] + 100
     expected[(u < -0.5) | (u > 200.5)] = 0
     assert (expected > 0).any()
-    np.testing.assert_allclose(view.samples[:, :, 0, 3], expected, rtol=1e-6)
+    np.testing.assert_allclose(view.samples[:, :, 3], expected, rtol=1e-6)
 
 
 def test_back_of_a_surface_is_dark() -> None:
@@ -100,7 +100,7 @@ def test_gloss_in_the_mirror_direction() -> None:
     material = Material(albedo=0.5, gloss=0.2, gloss_exponent=50.0)
     view = look(only(Plane(), at(0.0, 0.0, 1000.0), material))
     matt = look(only(Plane(), at(0.0, 0.0, 1000.0), Material(albedo=0.5)))
-    factor = 0.5 * view.samples[40, :, 0, 3] / matt.samples[40, :, 0, 3]
+    factor = 0.5 * view.samples[40, :, 3] / matt.samples[40, :, 3]
     # Pixel 100 sees x = 50.
     assert factor[100] == pytest.approx(0.5 + 5.2, rel=1e-5)
     # Pixel 50 sees x = 0: mirrored about the normal the light from x = 100 goes to x = -100, an
@@ -126,11 +126,11 @@ def test_both_vignettings_dim_the_light() -> None:
     )
     dim = look(scene, effects)
     camera, projector = optics_of(RIG)
-    expected = plain.samples[..., 0, 3].ravel().astype(float)
+    expected = plain.samples[..., 3].ravel().astype(float)
     pixels = np.stack(np.meshgrid(np.arange(101.0), np.arange(81.0)), axis=-1).reshape(-1, 2)
-    shown = plain.samples[:, :, 0, :2].reshape(-1, 2).astype(float)
+    shown = plain.samples[:, :, :2].reshape(-1, 2).astype(float)
     expected = expected * vignetting(pixels, camera, 0.2) * vignetting(shown, projector, 0.3)
-    np.testing.assert_allclose(dim.samples[..., 0, 3].ravel(), expected, rtol=1e-5)
+    np.testing.assert_allclose(dim.samples[..., 3].ravel(), expected, rtol=1e-5)
     np.testing.assert_allclose(dim.reflected.ravel(), vignetting(pixels, camera, 0.2), rtol=1e-6)
 
 
@@ -140,8 +140,8 @@ def test_shadow_of_a_sheet() -> None:
     # The sheet itself is seen from pixel 34.4 to 65.6.
     sheet = Object("sheet", Plane(20.0, 1000.0), at(0.0, 0.0, 640.0))
     both = Scene("test", (sheet, *wall(800.0).objects))
-    gain = look(both).samples[40, :, 0, 3]
-    alone = look(wall(800.0)).samples[40, :, 0, 3]
+    gain = look(both).samples[40, :, 3]
+    alone = look(wall(800.0)).samples[40, :, 3]
     assert (alone > 0).all()
     assert (gain[4:35] == 0).all()
     assert (gain[35:66] > alone[35:66]).all()  # nearer
@@ -158,7 +158,7 @@ def test_defocus_chooses_the_levels() -> None:
     lit = view.samples[..., 3] > 0
     level = view.samples[..., 2][lit]
     found = np.interp(level, np.arange(len(view.sigmas_px)), view.sigmas_px**2)
-    columns = np.nonzero(lit[..., 0])[1]
+    columns = np.nonzero(lit)[1]
     x, normal = (columns - 50) / 1000, turn[:, 2]
     z = 600 * normal[2] / (x * normal[0] + normal[2])
     expected = 0.5**2 + (3.2 * (1000 / z - 2)) ** 2
@@ -167,9 +167,9 @@ def test_defocus_chooses_the_levels() -> None:
 
 def test_nothing_where_nothing_is() -> None:
     view = look(only(Sphere(10.0), at(0.0, 0.0, 600.0)))
-    assert view.samples[0, 0, 0, 3] == 0
+    assert view.samples[0, 0, 3] == 0
     assert view.reflected[0, 0] == 0
-    assert view.samples[40, 50, 0, 3] > 0
+    assert view.samples[40, 50, 3] > 0
 
 
 # Rendered phase
@@ -244,10 +244,14 @@ def test_rendered_phase_is_the_true_coordinate(name: str, lenses: str, axis: Axi
 
 def test_four_rays_average_the_pixel() -> None:
     camera = CameraEffects(bits=16, vignetting=0.0, blur_px=0.0)
-    four = look(wall(600.0), replace(IDEAL, camera=camera, samples=4)).samples
-    one = look(wall(600.0), replace(IDEAL, camera=camera)).samples
-    np.testing.assert_allclose(four[..., 0].mean(axis=2), one[..., 0, 0], atol=1e-4)
+    four = look(wall(600.0), replace(IDEAL, camera=camera, samples=4)).samples[..., 0]
+    one = look(wall(600.0), replace(IDEAL, camera=camera)).samples[..., 0]
+    height, width = one.shape
+    pixels = four.reshape(height, 2, width, 2).swapaxes(1, 2).reshape(height, width, 4)
+    np.testing.assert_allclose(pixels.mean(axis=2), one, atol=1e-4)
     # Pixel pitch 0.6 mm, projector 0.6 / 600 x 500 = 0.5 px: rays are 1/8 px apart.
     np.testing.assert_allclose(
-        np.sort(four[40, 50, :, 0]), 16.6667 + 0.125 * np.arange(-1.5, 2), atol=1e-3
+        np.sort(pixels[40, 50]), 16.6667 + 0.125 * np.arange(-1.5, 2), atol=1e-3
     )
+    # Each ray lies in its own quarter: the left ones left of the right ones.
+    assert (pixels[..., ::2] < pixels[..., 1::2]).all()

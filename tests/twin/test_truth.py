@@ -115,15 +115,20 @@ def test_a_wandering_pupil_is_in_the_truth() -> None:
 
 def test_a_scene_outside_the_view() -> None:
     away = replace(BALL, camera_from_object=pose((0, 0, 0), (0.0, 0.0, -600.0)))
-    with pytest.raises(UsageError, match=r"camera sees nothing of the scene \(ball\)"):
-        check_view(truth_of(away))
+    with pytest.raises(
+        UsageError, match=r"scene 'away': the camera sees nothing of it \(ball\).*position_mm"
+    ):
+        check_view(truth_of(away), scene="away")
 
 
 def test_a_projector_that_points_away() -> None:
     turned = replace(PROJECTOR, device_from_camera=Pose(np.diag([-1.0, 1, -1]), np.zeros(3)))
-    with pytest.raises(UsageError, match=r"projector lights nothing.*the rig points away"):
-        check_view(truth_of(WALL, projector=turned))
+    with pytest.raises(
+        UsageError,
+        match=r"scene 's': the projector lights nothing.*the rig points away.*device_from_rig",
+    ):
+        check_view(truth_of(WALL, projector=turned), scene="s")
 
 
 def test_a_sound_view_passes() -> None:
-    check_view(truth_of(WALL, BALL))
+    check_view(truth_of(WALL, BALL), scene="s")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
@@ -28,7 +28,7 @@ ANEW = "choose another folder, or begin anew with --overwrite"
 
 
 class Journal:
-    """The images of one capture as they come into its folder.
+    """The images of one capture, called `names`, as they come into its folder.
 
     Raises
     ------
@@ -38,7 +38,9 @@ class Journal:
         It cannot be read or written.
     """
 
-    def __init__(self, folder: Path, plan: Acquiring, *, overwrite: bool) -> None:
+    def __init__(
+        self, folder: Path, plan: Acquiring, *, names: Collection[str], overwrite: bool
+    ) -> None:
         self._folder = folder
         left = None if overwrite else read_acquiring(folder)
         if left is None:
@@ -46,7 +48,8 @@ class Journal:
             self._state = plan
         else:
             _refuse_other(left, plan, folder)
-            self._state = replace(left, images=_intact(left.images, folder))
+            planned = {name: taken for name, taken in left.images.items() if name in names}
+            self._state = replace(left, images=_intact(planned, folder))
         self._save()
 
     @property
@@ -74,7 +77,7 @@ class Journal:
         """Write ``capture.toml``: with it the folder is a capture."""
         target = self._folder / CAPTURE_TOML
         write_text(target, text)
-        (self._folder / ACQUIRING_JSON).unlink()
+        (self._folder / ACQUIRING_JSON).unlink(missing_ok=True)
         return target
 
     def _save(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 from fringeworks import __version__
 from fringeworks.acquire.frames import FrameTaker, Shot
 from fringeworks.acquire.journal import Journal
+from fringeworks.acquire.lock import locked
 from fringeworks.devices import CameraDevice, Clock, MonotonicClock, ProjectorDevice
 from fringeworks.errors import DeviceError, UsageError
 from fringeworks.files.acquiring import Acquiring, Setting, Taken, Tally
@@ -88,8 +89,9 @@ def acquire_sequence(
     DeviceError
         No frame that shows an image came, or a device failed; the message names the image.
     UsageError
-        The sequence cannot be shown, the folder holds something else, or the acquisition that was
-        interrupted there had other settings: the message says which.
+        The sequence cannot be shown, the folder holds something else or another process acquires
+        into it, or the acquisition that was interrupted there had other settings: the message says
+        which.
     FormatError
         A file cannot be written.
     """
@@ -101,28 +103,39 @@ def acquire_sequence(
     plan = Acquiring(_describe(sequence), {**settings, **(facts or {})})
     # What could not be written in the end is refused before the work.
     describe_capture(sequence, sensor=camera.sensor, provenance=plan.settings)
-    journal = Journal(Path(folder), plan, overwrite=overwrite)
-    missing = [shot for shot in shots if shot.name not in journal.state.images]
-    tally = journal.state.frames
-    taker = FrameTaker(projector, camera, clock=clock, timing=timing, tally=tally)
-    # Times go on after the last one of an earlier run.
+    names = [shot.name for shot in shots]
+    with locked(Path(folder)):
+        journal = Journal(Path(folder), plan, names=names, overwrite=overwrite)
+        missing = [shot for shot in shots if shot.name not in journal.state.images]
+        tally = journal.state.frames
+        taker = FrameTaker(projector, camera, clock=clock, timing=timing, tally=tally)
+        pairs = zip(
+            (progress or no_progress)(missing, "acquiring"), _images(missing, rendered), strict=True
+        )
+        if journal.state.images and missing:
+            journal.resume_at(missing[0].name)
+        _take_all(pairs, taker, journal=journal, clock=clock)
+        text = describe_capture(
+            _timed(sequence, journal.state.images),
+            sensor=camera.sensor,
+            provenance=_provenance(journal.state),
+        )
+        path = journal.finish(text)
+    return Acquisition(path, len(shots), len(missing), journal.state.frames)
+
+
+def _take_all(
+    shots: Iterable[tuple[Shot, Frames]], taker: FrameTaker, *, journal: Journal, clock: Clock
+) -> None:
+    """Take shots with their images; times go on after the last one of an earlier run."""
     begin_s = clock.now() - max((item.time_s for item in journal.state.images.values()), default=0)
-    if journal.state.images and missing:
-        journal.resume_at(missing[0].name)
-    images = _images(missing, rendered)
-    for shot, image in zip((progress or no_progress)(missing, "acquiring"), images, strict=True):
+    for shot, image in shots:
         try:
             seen, start_s = taker.take(shot, image)
         except DeviceError:
             journal.count(taker.tally)
             raise
         journal.add(shot.name, seen, time_s=start_s - begin_s, frames=taker.tally)
-    text = describe_capture(
-        _timed(sequence, journal.state.images),
-        sensor=camera.sensor,
-        provenance=_provenance(journal.state),
-    )
-    return Acquisition(journal.finish(text), len(shots), len(missing), journal.state.frames)
 
 
 def _plan(sequence: Sequence, exposure_ms: float) -> list[Shot]:

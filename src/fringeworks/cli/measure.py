@@ -154,7 +154,7 @@ def read_region(cloud: Path, box: str | None, pixels: str | None) -> tuple[Cloud
 
 
 def _radius(found: Values) -> list[tuple[str, str]]:
-    sigma = f"{found['radius_sigma_mm']:.2g} mm, one standard deviation of the random part"
+    sigma = f"{found['radius_sigma_mm']:.2g} mm by the points' scatter, each on its own"
     return [
         ("radius", f"{found['radius_mm']:.4f} mm"),
         ("radius sigma", sigma),

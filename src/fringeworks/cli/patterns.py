@@ -105,8 +105,9 @@ def describe_sets(output: Output, sequence: Sequence) -> list[dict[str, Any]]:
 
 def refuse_occupied(folder: Path, *, overwrite: bool) -> None:
     """A folder with files in it may hold a measurement under the very names of the patterns."""
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"--out must be a folder, but {folder} is a file")
+    from fringeworks.files.capture_writing import check_folder
+
+    check_folder(folder)
     if overwrite or not folder.exists():
         return
     held = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))

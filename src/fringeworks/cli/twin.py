@@ -64,7 +64,7 @@ def twin(
     output = Output(as_json=as_json)
     from fringeworks.acquire.simulated import write_simulations
     from fringeworks.files import read_sensor
-    from fringeworks.files.named import find_rig, find_scene
+    from fringeworks.files.named import files_of, find_rig, find_scene
     from fringeworks.twin.effects import Effects
 
     seen, before = find_scene(scene), find_rig(rig)
@@ -89,6 +89,7 @@ def twin(
             effects=effects,
             seed=seed,
             facts={"preset": preset, "rig": rig},
+            inputs=[*files_of(scene), *files_of(rig), *([] if sensor is None else [sensor])],
             overwrite=overwrite,
             progress=progress,
         )

@@ -204,7 +204,12 @@ class SimulatedCamera:
     def _collect(self) -> None:
         """Take up all frames that are finished by now."""
         interval_ms = max(self._stage.effects.frame_interval_ms, self._exposure_ms)
-        while self._done_s <= self._clock.now():
+        while (late_s := self._clock.now() - self._done_s) >= 0:
+            if len(self._buffer) == BUFFERED_FRAMES:  # all further ones are lost
+                lost = 1 + int(late_s * 1000 / interval_ms)
+                self._number += lost
+                self._start_s += lost * interval_ms / 1000
+                continue
             for _ in range(1 + (self._number in self._faults.repeated)):
                 if self._number not in self._faults.dropped:
                     self._keep()
@@ -212,7 +217,7 @@ class SimulatedCamera:
             self._start_s += interval_ms / 1000
 
     def _keep(self) -> None:
-        if len(self._buffer) == BUFFERED_FRAMES:
+        if len(self._buffer) == BUFFERED_FRAMES:  # by the repetition of a frame
             return
         twice = bool(self._buffer) and self._buffer[-1].number == self._number
         self._buffer.append(self._buffer[-1] if twice else self._frame())

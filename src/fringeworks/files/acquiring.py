@@ -17,7 +17,9 @@ from pydantic import Field
 
 from fringeworks.errors import FormatError
 from fringeworks.files.atomic import write_text
-from fringeworks.files.validation import Table, check_format, read_text, validated
+from fringeworks.files.inside import locate_inside
+from fringeworks.files.system import check_file, told
+from fringeworks.files.validation import Table, check_format, read_json, validated
 
 ACQUIRING_JSON = ".acquiring.json"
 ACQUIRING_FORMAT = "fringeworks-acquiring/1"
@@ -117,16 +119,13 @@ def read_acquiring(folder: Path) -> Acquiring | None:
         The file is damaged.
     """
     path = folder / ACQUIRING_JSON
-    if not path.exists():
-        return None
+    with told(path, "read"):
+        if not path.exists():
+            return None
     try:
-        document = json.loads(read_text(path))
-    except ValueError as error:
-        raise FormatError(f"{path}: not valid JSON: {error}; begin anew") from None
-    if not isinstance(document, dict):
-        raise FormatError(f"{path}: must be a JSON object; begin anew")
-    check_format(document, ACQUIRING_FORMAT, path)
-    file = validated(AcquiringFile, document, path)
+        file = _read(path)
+    except FormatError as error:
+        raise FormatError(f"{error}; begin anew with --overwrite") from None
     return Acquiring(
         sequence=file.sequence,
         settings=file.settings,
@@ -136,6 +135,15 @@ def read_acquiring(folder: Path) -> Acquiring | None:
     )
 
 
+def _read(path: Path) -> AcquiringFile:
+    document = read_json(path)
+    check_format(document, ACQUIRING_FORMAT, path)
+    file = validated(AcquiringFile, document, path)
+    for name in file.images:
+        locate_inside(path.parent, name, what="image", whose="acquisition")
+    return file
+
+
 def write_acquiring(folder: Path, acquiring: Acquiring) -> None:
     """Write it, atomic."""
     document = {"format": ACQUIRING_FORMAT, **asdict(acquiring)}
@@ -143,8 +151,10 @@ def write_acquiring(folder: Path, acquiring: Acquiring) -> None:
 
 
 def digest_of(path: Path) -> str | None:
-    """SHA-256 of a file; None where there is none to read."""
+    """SHA-256 of a regular file; None where there is none to read."""
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError:
+        check_file(path)
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except (FormatError, OSError):
         return None

@@ -22,6 +22,7 @@ from fringeworks.files.capture_images import (
 )
 from fringeworks.files.capture_schema import CAPTURE_FORMAT, CameraTable, CaptureFile
 from fringeworks.files.images import decode_image
+from fringeworks.files.system import told
 from fringeworks.files.validation import check_format, read_toml, validated
 from fringeworks.model.capture import Capture, Frames, Sensor
 from fringeworks.model.finding import Finding
@@ -105,11 +106,13 @@ def describe_sequence(file: CaptureFile) -> Sequence:
 
 
 def _find_description(path: Path) -> Path:
-    if path.is_file():
-        return path
-    if not path.exists():
-        raise FormatError(f"{path}: no such file or folder")
-    if not (path / CAPTURE_TOML).is_file():
+    with told(path, "read"):
+        if path.is_file():
+            return path
+        if not path.exists():
+            raise FormatError(f"{path}: no such file or folder")
+        described = (path / CAPTURE_TOML).is_file()
+    if not described:
         raise FormatError(
             f"{path}: no {CAPTURE_TOML} in this folder; it says what each image shows (see "
             "docs/formats.md), and `fringeworks patterns` writes one with its patterns"

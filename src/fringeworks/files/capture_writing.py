@@ -9,11 +9,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from fringeworks.errors import FormatError, ShapeError, UsageError
+from fringeworks.errors import ShapeError, UsageError
 from fringeworks.files.atomic import write_text
 from fringeworks.files.capture import CAPTURE_TOML, parse_capture
 from fringeworks.files.capture_schema import CAPTURE_FORMAT
 from fringeworks.files.images import write_image
+from fringeworks.files.system import told
 from fringeworks.files.toml import lay_out_toml
 from fringeworks.model.capture import Capture, Frames, Sensor
 from fringeworks.model.progress import Progress, no_progress
@@ -158,21 +159,34 @@ def make_room(folder: Path, *, overwrite: bool) -> None:
     Raises
     ------
     UsageError
-        `folder` holds a capture and `overwrite` is False, or is no folder.
+        `folder` holds a capture and `overwrite` is False, or is no folder (`check_folder`).
     FormatError
         The capture cannot be removed.
     """
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{folder}: must be a folder, but is a file")
+    check_folder(folder)
     target = folder / CAPTURE_TOML
     if not overwrite and target.exists():
         raise UsageError(
             f"{folder}: holds a capture already; choose another folder or overwrite it"
         )
-    try:
+    with told(target, "replaced"):
         target.unlink(missing_ok=True)
-    except OSError as error:
-        raise FormatError(f"{target}: cannot be replaced ({error.strerror or error})") from error
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse what is no folder and cannot become one.
+
+    Raises
+    ------
+    UsageError
+        It, or what it would stand in, is a file.
+    FormatError
+        Its name is none that the system knows.
+    """
+    with told(folder, "written"):
+        there = next((path for path in (folder, *folder.parents) if path.exists()), folder)
+        if there.exists() and not there.is_dir():
+            raise UsageError(f"{there}: must be a folder, but is a file")
 
 
 def _images(capture: Capture) -> list[list[Frames]]:

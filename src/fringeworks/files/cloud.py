@@ -14,6 +14,7 @@ from fringeworks.errors import FormatError, UsageError
 from fringeworks.files.atomic import replacing
 from fringeworks.files.npz import Arrays, read_npz, write_npz
 from fringeworks.files.ply import VERTEX, read_ply, write_ply
+from fringeworks.files.system import check_file
 from fringeworks.geometry.grid import grid_normals
 from fringeworks.model.cloud import Cloud
 
@@ -62,8 +63,7 @@ def read_cloud(path: str | Path) -> Cloud:
     """
     path = Path(path)
     reader = _choose(path, _READERS)
-    if not path.is_file():
-        raise FormatError(f"{path}: no such file")
+    check_file(path)
     return reader(path)
 
 

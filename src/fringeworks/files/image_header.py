@@ -13,12 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fringeworks.errors import FormatError
+from fringeworks.files.system import check_file
+from fringeworks.model.capture import MAX_PIXELS
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
-
-MAX_PIXELS = 89_478_485
-"""Largest image that is read, pixels (Pillow's own limit against decompression bombs)."""
 
 MAX_FILE_BYTES = 2**30
 
@@ -80,8 +79,7 @@ def inspect_image(path: Path) -> ImageHeader:
 
 
 def _check_file(path: Path) -> None:
-    if not path.is_file():
-        raise FormatError(f"{path}: no such file")
+    check_file(path)
     size = path.stat().st_size
     if size == 0:
         raise FormatError(f"{path}: the file is empty; copy or record it again")

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from fringeworks.errors import FormatError, MissingExtraError, UsageError
 from fringeworks.files.atomic import replacing
+from fringeworks.files.ply import count_elements
+from fringeworks.files.system import check_file
 from fringeworks.twin.scene import Mesh
 
 SUFFIXES = (".stl", ".ply", ".obj")
@@ -18,6 +20,9 @@ MAX_MESH_BYTES = 512 * 2**20
 """Largest mesh file that is read or written."""
 
 MAX_FACES = 20_000_000
+
+_STL_HEAD, _STL_TRIANGLE = 84, 50
+"""Bytes of a binary STL's header, whose last four count the triangles, and of each of these."""
 
 _HEADER = """ply
 format binary_little_endian 1.0
@@ -50,7 +55,15 @@ def read_mesh(path: Path, *, scale: float = 1.0) -> Mesh:
     if suffix not in SUFFIXES:
         raise FormatError(f"{path}: a mesh must be one of {', '.join(SUFFIXES)}, got '{suffix}'")
     _check_size(path)
+    if suffix == ".stl":
+        _check_stl(path)
     vertices, faces = _load(path)
+    claimed = count_elements(path).get("face", 0) if suffix == ".ply" else 0
+    if len(faces) < claimed:  # larger faces than triangles are cut into several
+        raise FormatError(
+            f"{path}: cut off: the header says {claimed} faces, the file holds {len(faces)}; "
+            "export the mesh again"
+        )
     if len(faces) == 0:
         raise FormatError(f"{path}: holds no faces; export a mesh of triangles, not points")
     if len(faces) > MAX_FACES:
@@ -82,12 +95,25 @@ def write_mesh(path: Path, mesh: Mesh) -> None:
 
 
 def _check_size(path: Path) -> None:
-    if not path.is_file():
-        raise FormatError(f"{path}: no such file")
+    check_file(path)
     size = path.stat().st_size
     if size > MAX_MESH_BYTES:
         raise FormatError(
             f"{path}: must have at most {MAX_MESH_BYTES} bytes, got {size}; decimate the mesh"
+        )
+
+
+def _check_stl(path: Path) -> None:
+    """A binary STL is as long as its count says; a text begins with the word solid."""
+    with path.open("rb") as file:
+        head = file.read(_STL_HEAD)
+    if head.startswith(b"solid") or len(head) < _STL_HEAD:
+        return
+    count, size = int.from_bytes(head[-4:], "little"), path.stat().st_size
+    if size != _STL_HEAD + count * _STL_TRIANGLE:
+        raise FormatError(
+            f"{path}: not a readable STL mesh: the header says {count} triangles, "
+            f"{_STL_HEAD + count * _STL_TRIANGLE} bytes, the file has {size}; export it again"
         )
 
 

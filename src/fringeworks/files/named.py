@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from fringeworks.files.rig import read_rig
-from fringeworks.files.scene import read_scene
+from fringeworks.files.scene import files_read, read_scene
 from fringeworks.model import Rig
 from fringeworks.twin.scene import Scene
 from fringeworks.twin.scenes import named_rig, named_scene
@@ -31,6 +31,18 @@ def find_scene(name: str, *, beside: Path | None = None) -> Scene:
 def find_rig(name: str, *, beside: Path | None = None) -> Rig:
     """The rig of this name, or of a ``.json`` file, relative to `beside`; fails as `find_scene`."""
     return _find(name, beside, suffix=".json", read=read_rig, named=named_rig)
+
+
+def files_of(name: str, *, beside: Path | None = None) -> list[Path]:
+    """The files that the scene or rig of this name is read from, a scene's meshes too; or none."""
+    path = (beside or Path()) / name
+    match path.suffix.lower():
+        case ".toml":
+            return files_read(path)
+        case ".json":
+            return [path]
+        case _:
+            return []
 
 
 def _find(

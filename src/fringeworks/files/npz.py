@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from fringeworks.errors import FormatError
 from fringeworks.files.atomic import replacing
+from fringeworks.files.system import check_file
 
 MAX_ARCHIVE_BYTES = 8 * 2**30
 """Largest sum of unpacked arrays that is read."""
@@ -41,8 +42,7 @@ def read_npz(path: Path, names: Collection[str]) -> Arrays:
         Missing, not an archive of arrays, damaged, or more is asked for than `MAX_ARCHIVE_BYTES`
         in all, `MAX_ARRAY_BYTES` in one array, or packed more tightly than `MAX_RATIO`.
     """
-    if not path.is_file():
-        raise FormatError(f"{path}: no such file")
+    check_file(path)
     # zipfile, zlib and numpy raise a dozen types on damaged files; all mean the same.
     try:
         with zipfile.ZipFile(path) as archive:

@@ -85,6 +85,11 @@ def read_ply(path: Path) -> PlyPoints:
     return PlyPoints(vertices, comments)
 
 
+def count_elements(path: Path) -> dict[str, int]:
+    """How many of each element the header of any PLY names; fails as `read_ply`."""
+    return {name: count for name, count, _ in _elements(path, _read_header(path)[0])}
+
+
 def _read_header(path: Path) -> tuple[list[str], int]:
     """Lines of the header, and where the data start."""
     try:

@@ -18,7 +18,7 @@ from fringeworks.files.rig_schema import (
     DeviceTable,
     RigFile,
 )
-from fringeworks.files.validation import MAX_TEXT_BYTES, check_format, read_text, shorten, validated
+from fringeworks.files.validation import MAX_TEXT_BYTES, check_format, read_json, validated
 from fringeworks.geometry.pose import compose_poses
 from fringeworks.model.rig import Camera, Lens, Pose, Projector, Quality, Rig
 
@@ -39,7 +39,7 @@ def read_rig(path: str | Path) -> Rig:
         than one camera and one projector.
     """
     path = Path(path)
-    return _parse(_read_json(path), path)
+    return _parse(read_json(path), path)
 
 
 def _parse(document: dict[str, Any], path: Path) -> Rig:
@@ -120,23 +120,6 @@ def _describe(rig: Rig) -> dict[str, Any]:
         document["quality"] = asdict(rig.quality)
     further = {key: _plain(rig.further[key]) for key in FURTHER_KEYS if key in rig.further}
     return {**document, **further}
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    text = read_text(path)
-    try:
-        document = json.loads(text, parse_constant=_refuse_constant)
-    except RecursionError:
-        raise FormatError(f"{path}: not valid JSON: too deeply nested") from None
-    except ValueError as error:
-        raise FormatError(f"{path}: not valid JSON: {error}") from None
-    if not isinstance(document, dict):
-        raise FormatError(f"{path}: must be a JSON object, got {shorten(document)}")
-    return document
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a number that JSON knows")
 
 
 def _one(file: RigFile, kind: str, path: Path) -> DeviceTable:

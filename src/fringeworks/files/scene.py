@@ -97,10 +97,32 @@ def write_scene(path: str | Path, scene: Scene) -> None:
     path = Path(path)
     check_scene(scene)
     text = lay_out_toml(_describe(scene, path), lambda again: _parse(again, path), what="scene")
-    for number, item in enumerate(scene.objects, start=1):
-        if isinstance(item.shape, Mesh):
-            write_mesh(path.with_name(_mesh_name(path, number)), item.shape)
+    for number, mesh in _meshes(scene):
+        write_mesh(path.with_name(_mesh_name(path, number)), mesh)
     write_text(path, text)
+
+
+def files_read(path: str | Path) -> list[Path]:
+    """``scene.toml`` and the files of its meshes; fails as `read_scene` does on its text."""
+    path = Path(path)
+    items = _parse(read_toml(path), path).object
+    return [path, *(_mesh_path(item, path.parent) for item in items if isinstance(item, MeshTable))]
+
+
+def files_written(path: str | Path, scene: Scene) -> list[Path]:
+    """What `write_scene` writes: ``scene.toml`` and a file for each mesh."""
+    path = Path(path)
+    return [path, *(path.with_name(_mesh_name(path, number)) for number, _ in _meshes(scene))]
+
+
+def _meshes(scene: Scene) -> list[tuple[int, Mesh]]:
+    """The meshes of a scene with their objects' numbers, from 1."""
+    shapes = enumerate((item.shape for item in scene.objects), start=1)
+    return [(number, shape) for number, shape in shapes if isinstance(shape, Mesh)]
+
+
+def _mesh_path(item: MeshTable, folder: Path) -> Path:
+    return locate_inside(folder, item.file, what="mesh", whose="scene")
 
 
 def _parse(document: dict[str, Any], path: Path) -> SceneFile:
@@ -137,8 +159,7 @@ def _object(item: AnyObject, folder: Path) -> Object:
 def _shape(item: AnyObject, folder: Path) -> Shape:
     if not isinstance(item, MeshTable):
         return item.noun()
-    path = locate_inside(folder, item.file, what="mesh", whose="scene")
-    return read_mesh(path, scale=item.scale)
+    return read_mesh(_mesh_path(item, folder), scale=item.scale)
 
 
 def _check_posed(file: SceneFile, path: Path) -> None:

@@ -16,6 +16,7 @@ from fringeworks.files.validation import Table
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import Pose
 from fringeworks.twin.scene import (
+    MOST_MM,
     Blend,
     Board,
     Box,
@@ -35,7 +36,7 @@ MAX_CAPSULES = 1000
 
 Name = Annotated[str, Field(min_length=1)]
 Corners = Annotated[int, Field(ge=3, le=1000)]
-Length = Annotated[float, Field(ge=-1e6, le=1e6)]
+Length = Annotated[float, Field(ge=-MOST_MM, le=MOST_MM)]
 Degrees = Annotated[float, Field(ge=-36000, le=36000)]
 Lengths = Annotated[list[Length], Field(min_length=3, max_length=3)]
 Turn = Annotated[list[Degrees], Field(min_length=3, max_length=3)]

@@ -11,11 +11,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from fringeworks.errors import FormatError
-from fringeworks.files.named import find_rig, find_scene
+from fringeworks.files.named import files_of, find_rig, find_scene
 from fringeworks.files.sensor import read_sensor
+from fringeworks.files.system import told
 from fringeworks.files.validation import Table, check_format, read_toml, refusing, validated
 from fringeworks.model import Rig
-from fringeworks.twin.effects import Effects
+from fringeworks.twin.effects import LEAST_MS, MOST_MS, MOST_SEED, Effects
 from fringeworks.twin.scene import Scene
 
 STATION_FORMAT = "fringeworks-station/1"
@@ -29,7 +30,7 @@ SHOWN_DIGITS = 12
 """Digits of a file's SHA-256 that tell it from its earlier states."""
 
 Name = Annotated[str, Field(min_length=1)]
-Milliseconds = Annotated[float, Field(ge=0, le=60_000)]
+Milliseconds = Annotated[float, Field(ge=0, le=MOST_MS)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +97,7 @@ class CameraTable(Table):
     """The camera."""
 
     kind: Literal["simulated"]
-    exposure_ms: Annotated[float, Field(gt=0, le=60_000)] | None = None
+    exposure_ms: Annotated[float, Field(ge=LEAST_MS, le=MOST_MS)] | None = None
 
 
 class SimulatedTable(Table):
@@ -105,7 +106,7 @@ class SimulatedTable(Table):
     scene: Name
     rig: Name
     sensor: Name | None = None
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0, le=MOST_SEED)] = 0
 
 
 class TimingTable(Table):
@@ -140,6 +141,7 @@ def read_station(path: str | Path) -> Station:
     check_format(document, STATION_FORMAT, path)
     _refuse_planned(document, path)
     file = validated(StationFile, document, path)
+    _refuse_early(file, path)
     seen = file.simulated
     effects = Effects() if seen.sensor is None else read_sensor(path.parent / seen.sensor)
     with refusing(path):
@@ -167,21 +169,38 @@ def _refuse_planned(document: Mapping[str, Any], path: Path) -> None:
             )
 
 
+def _refuse_early(file: StationFile, path: Path) -> None:
+    """Frames that begin before an image is lit show the one before, and nothing would tell."""
+    latency, settle = file.projector.latency_ms, file.timing.settle_ms
+    if settle < latency:
+        raise FormatError(
+            f"{path}: timing.settle_ms must be at least projector.latency_ms, {latency:g}, got "
+            f"{settle:g}: frames would show the image before"
+        )
+
+
 def _facts(file: StationFile, path: Path) -> dict[str, str | int | float]:
-    seen = file.simulated
-    names = {"scene": seen.scene, "rig": seen.rig, "sensor": seen.sensor}
-    files = {key: _tell_file(path, name) for key, name in names.items() if name is not None}
+    seen, folder = file.simulated, path.parent
+    facts = {
+        "scene": _tell(seen.scene, files_of(seen.scene, beside=folder)),
+        "rig": _tell(seen.rig, files_of(seen.rig, beside=folder)),
+    }
+    if seen.sensor is not None:
+        facts["sensor"] = _tell(seen.sensor, [folder / seen.sensor])
     return {
         "devices": "simulated",
-        **files,
+        **facts,
         "seed": seen.seed,
         "latency_ms": file.projector.latency_ms,
     }
 
 
-def _tell_file(path: Path, name: str) -> str:
-    """A name; a file's with the digest of its content."""
-    named = path.parent / name
-    if not named.is_file():
+def _tell(name: str, files: list[Path]) -> str:
+    """A name; that of files with the digest of their content."""
+    if not files:
         return name
-    return f"{name} (sha256 {hashlib.sha256(named.read_bytes()).hexdigest()[:SHOWN_DIGITS]})"
+    digest = hashlib.sha256()
+    for path in files:
+        with told(path, "read"):
+            digest.update(path.read_bytes())
+    return f"{name} (sha256 {digest.hexdigest()[:SHOWN_DIGITS]})"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 import re
 import stat
 import tomllib
@@ -48,6 +49,26 @@ def read_text(path: Path) -> str:
         raise FormatError(f"{path}: cannot be read ({error.strerror or error})") from error
     except UnicodeDecodeError as error:
         raise FormatError(f"{path}: not UTF-8 text (byte {error.start})") from None
+    except ValueError as error:  # NUL in the name, which another file may have given
+        raise FormatError(f"{str(path)!r}: cannot be read ({error})") from None
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON file that holds an object, as plain Python values."""
+    text = read_text(path)
+    try:
+        document = json.loads(text, parse_constant=_refuse_constant)
+    except RecursionError:
+        raise FormatError(f"{path}: not valid JSON: too deeply nested") from None
+    except ValueError as error:
+        raise FormatError(f"{path}: not valid JSON: {error}") from None
+    if not isinstance(document, dict):
+        raise FormatError(f"{path}: must be a JSON object, got {shorten(document)}")
+    return document
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is not a number that JSON knows")
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -54,16 +54,19 @@ class _Point:
     normal: Array
 
 
-def minimise(model: Model, start: Array, *, huber: float = math.inf) -> Minimum:
+def minimise(
+    model: Model, start: Array, *, huber: float = math.inf, steps: int = MOST_STEPS
+) -> Minimum:
     """Least sum of Huber losses of the residuals, beyond `huber` linear; without it, of squares.
 
     It ends where Newton's step would move the residuals by less than 1e-6 standard deviations in
     all, or lower the loss by less than 1e-12 of it, or where rounding hides any gain. Not
-    converged: 300 steps were not enough, or nothing lowers the loss though the gradient says so.
+    converged: so many `steps` were not enough, or nothing lowers the loss though the gradient says
+    so.
     """
     point = _evaluate(model, start, huber)
     damping, growth = _FIRST_DAMPING, 2.0
-    for _ in range(MOST_STEPS):
+    for _ in range(steps):
         if growth == 2.0 and _settled(point):
             return Minimum(point.parameters, converged=True)
         step = _damped_step(point, damping)

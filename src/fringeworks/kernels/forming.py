@@ -67,41 +67,39 @@ def gather_light(
     edges: tuple[float, float, NDArray[np.float64]],
     out: Floats,
 ) -> None:
-    """Irradiance ``(H, W)``: the mean over a pixel's samples of gain times the table's light.
+    """Irradiance ``(H, W)`` at rays: their gain times the table's light.
 
-    `samples` is ``(H, W, n, 4)``: u, v, level, gain. `values` is ``(levels, across, along)``.
+    `samples` is ``(H, W, 4)``: u, v, level, gain. `values` is ``(levels, across, along)``.
     `grid` says how it lies: which coordinate runs along (0: u), the place of the first sample
     along and across, samples per px along and across, and whether it wraps across. `edges` are
     the image's across, and the point spread's variance across ``(levels,)``, px^2.
     """
-    height, width, count, _ = samples.shape
+    height, width, _ = samples.shape
     axis, start, start_across, per_px, per_px_across, wraps = grid
     low, high, variances = edges
     reach = REACH * math.sqrt(variances.max())
     low_felt, high_felt, last = low + reach, high - reach, len(values) - 1
     for i in range(height):
         for j in range(width):
-            total = np.float32(0)
-            for k in range(count):
-                gain = samples[i, j, k, GAIN]
-                if not gain > 0:
-                    continue
-                beside = float(samples[i, j, k, 1 - axis])
-                along = (samples[i, j, k, axis] - start) * per_px
-                across = (beside - start_across) * per_px_across
-                level = min(int(samples[i, j, k, LEVEL]), last)
-                share = samples[i, j, k, LEVEL] - np.float32(level)
-                light = at_level(values, level, along, across, wraps)
+            gain = samples[i, j, GAIN]
+            if not gain > 0:
+                out[i, j] = np.float32(0)
+                continue
+            beside = float(samples[i, j, 1 - axis])
+            along = (samples[i, j, axis] - start) * per_px
+            across = (beside - start_across) * per_px_across
+            level = min(int(samples[i, j, LEVEL]), last)
+            share = samples[i, j, LEVEL] - np.float32(level)
+            light = at_level(values, level, along, across, wraps)
+            if share > 0:
+                more = at_level(values, level + 1, along, across, wraps)
+                light += share * (more - light)
+            if beside < low_felt or beside > high_felt:
+                variance = variances[level]
                 if share > 0:
-                    more = at_level(values, level + 1, along, across, wraps)
-                    light += share * (more - light)
-                if beside < low_felt or beside > high_felt:
-                    variance = variances[level]
-                    if share > 0:
-                        variance += share * (variances[level + 1] - variance)
-                    light *= np.float32(edge_share(beside - low, high - beside, variance))
-                total += gain * light
-            out[i, j] = total / np.float32(count)
+                    variance += share * (variances[level + 1] - variance)
+                light *= np.float32(edge_share(beside - low, high - beside, variance))
+            out[i, j] = gain * light
 
 
 @kernel

@@ -17,6 +17,9 @@ Frames: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 
 P = TypeVar("P", bound=Pattern)
 
+MAX_PIXELS = 89_478_485
+"""Largest image that is read or simulated (Pillow's own limit against decompression bombs)."""
+
 SATURATED_SHARE = 0.98
 """A grey level at or above this share of full scale counts as saturated."""
 

@@ -23,6 +23,7 @@ from fringeworks.model import (
     Frames,
     ProjectorMap,
     Rig,
+    Void,
 )
 
 EPIPOLAR_SIGMAS = 8.0
@@ -31,6 +32,9 @@ EPIPOLAR_FLOOR_PX = 2.0
 HOPELESS_SHARE = 0.5
 SUSPICIOUS_SHARE = 0.1
 """More decoded pixels than this off their epipolar lines are no matter of wild codes."""
+
+NOTABLE_MISFITS = 0.1
+"""Share of void pixels among those with fringes from which the scan says so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,15 +110,33 @@ def triangulate(
         sigma,
         epipolar,
     )
-    found: tuple[Finding, ...] = ()
+    found = _notice_misfits(projector_map)
     if column is not None and row is not None:
         off = np.abs(epipolar) > _epipolar_limit(column, row, rules)
-        found = _notice_epipolar(off, np.isfinite(sigma))
+        found += _notice_epipolar(off, np.isfinite(sigma))
         xyz[off], sigma[off], epipolar[off] = np.nan, np.nan, np.nan
     if not np.isfinite(sigma).any():
         raise DecodeError(_no_point_message(projector_map, window))
     shade = projector_map.axes[0].offset if intensity is None else intensity
     return Cloud(xyz, sigma, shade, epipolar, colour, findings=found)
+
+
+def _notice_misfits(projector_map: ProjectorMap) -> tuple[Finding, ...]:
+    """Frames that fit no sinusoid void pixels one by one; where they are many, that is told."""
+    for axis in projector_map.axes:
+        misfits = int(np.count_nonzero(axis.void == Void.RESIDUAL))
+        share = misfits / max(misfits + int(np.count_nonzero(np.isfinite(axis.coordinate))), 1)
+        if share > NOTABLE_MISFITS:
+            message = (
+                f"{share:.0%} of the pixels with fringes along {axis.axis} are void because their "
+                "frames do not fit a sinusoid:"
+            )
+            remedy = (
+                "the projector's gamma, frames out of order or out of step, or motion. Use the "
+                "projector's linear mode; three steps show no misfit, and bend the surface instead."
+            )
+            return (Finding("warning", message, remedy),)
+    return ()
 
 
 def _depth_window(rig: Rig, rules: CloudRules) -> tuple[float, float]:

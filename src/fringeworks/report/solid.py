@@ -25,6 +25,9 @@ from fringeworks.report.canvas import Shade, draw_bar, new_figure
 RASTER_PX = 420
 """Longer side of a view, raster pixels."""
 
+MARGIN_PX = 6
+"""White around it."""
+
 SPAN_PERCENT = (0.5, 99.5)
 SPAN_MARGIN = 0.08
 """What is drawn: the span of nearly all points, and this share of it more on every side."""
@@ -142,8 +145,9 @@ def _paint(solid: _Solid, rotation: NDArray[np.float64]) -> _Picture:
     turned = solid.points @ rotation.T
     low, high = turned[:, :2].min(axis=0), turned[:, :2].max(axis=0)
     step = max(float((high - low).max()), 1e-6) / RASTER_PX
+    low -= MARGIN_PX * step
     column, row = np.floor((turned[:, :2] - low) / step).astype(int).T
-    rgb = np.ones((row.max() + 2, column.max() + 2, 3), np.float32)
+    rgb = np.ones((row.max() + 2 + MARGIN_PX, column.max() + 2 + MARGIN_PX, 3), np.float32)
     far_first = np.argsort(-turned[:, 2], kind="stable")
     row, column, colours = row[far_first], column[far_first], solid.colours[far_first]
     for down, right in ((1, 1), (1, 0), (0, 1), (0, 0)):

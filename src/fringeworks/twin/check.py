@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 
 from fringeworks.errors import UsageError
 from fringeworks.model import Pose
-from fringeworks.twin.effects import Effects
+from fringeworks.twin.effects import LEAST_MS, MOST_MS, MOST_SEED, Effects
 from fringeworks.twin.meshes import check_mesh
 from fringeworks.twin.scene import (
+    MOST_MM,
     Blend,
     Board,
     Box,
@@ -31,17 +31,42 @@ from fringeworks.twin.truth import Truth
 
 ROTATION_TOLERANCE = 1e-6
 
+LEAST_MM = 1e-6
+"""Smallest size of a shape."""
+
+LONGEST_NAME = 100
+MARKER_SHARES = (0.3, 0.99)
+"""Smallest and largest marker of a ChArUco board, as a share of its square."""
+
 MOST_OF_ALL = 1e6
 """A magnitude beyond this is no effect of any device."""
 
+LEAST = {
+    "camera.exposure_ms": LEAST_MS,
+    "camera.full_well_e": 1.0,
+    "projector.focus_mm": 1.0,
+    "projector.gamma": 1e-3,
+    "projector.light_per_ms": 1e-12,
+    "frame_interval_ms": LEAST_MS,
+}
+"""What cannot be zero, and how small it may be."""
+
 MOST = {
+    "camera.exposure_ms": MOST_MS,
     "camera.full_well_e": 1e15,
     "camera.read_noise_e": 1e15,
-    "camera.pixel_seed": 2**63,
+    "camera.prnu": 1.0,
+    "camera.dsnu": 1.0,
+    "camera.pixel_seed": MOST_SEED,
     "camera.blur_px": 20.0,
+    "projector.light_per_ms": 1e3,
     "projector.blur_px": 20.0,
+    "projector.flicker": 1.0,
+    "ambient.light_per_ms": 1e3,
+    "frame_interval_ms": MOST_MS,
 }
-"""Other bounds: the work of a blur grows with its width."""
+"""Other bounds: the work of a blur grows with its width, and single precision has to hold the
+product of the largest."""
 
 
 def check_scene(scene: Scene) -> None:
@@ -65,8 +90,8 @@ def check_scene(scene: Scene) -> None:
         _check_object(thing)
 
 
-def check_view(truth: Truth) -> None:
-    """Refuse a scene of which the rig sees, or lights, nothing.
+def check_view(truth: Truth, *, scene: str) -> None:
+    """Refuse a scene, called `scene` in messages, of which the rig sees, or lights, nothing.
 
     Raises
     ------
@@ -75,14 +100,16 @@ def check_view(truth: Truth) -> None:
     """
     if not (truth.surface >= 0).any():
         raise UsageError(
-            f"the camera sees nothing of the scene ({', '.join(truth.names)}): all of it lies "
-            "outside the view or behind the camera; check camera_from_object and the units (mm)"
+            f"scene {scene!r}: the camera sees nothing of it ({', '.join(truth.names)}): all lies "
+            "outside the view or behind the camera; check where its objects stand (position_mm in "
+            "a scene.toml, camera_from_object) and the units (mm)"
         )
     if not np.isfinite(truth.column).any():
         raise UsageError(
-            "the projector lights nothing of what the camera sees: the rig points away from the "
-            "scene; check projector_from_camera, and that the two fields of view meet at the "
-            "scene's depth"
+            f"scene {scene!r}: the projector lights nothing of what the camera sees: the rig "
+            "points away from the scene; check the projector's place (device_from_rig in a "
+            "rig.json, projector_from_camera), and that the two fields of view meet at the scene's "
+            "depth"
         )
 
 
@@ -95,7 +122,7 @@ def check_effects(effects: Effects) -> None:
         The message names the effect.
     """
     camera, projector, ambient = effects.camera, effects.projector, effects.ambient
-    above_zero = {
+    positive = {
         "camera.exposure_ms": camera.exposure_ms,
         "camera.full_well_e": camera.full_well_e,
         "projector.light_per_ms": projector.light_per_ms,
@@ -122,13 +149,9 @@ def check_effects(effects: Effects) -> None:
         "projector.black_light": projector.black_light,
         "ambient.ripple": ambient.ripple,
     }
-    for name, value in above_zero.items():
-        _require(math.isfinite(value) and value > 0, name, "above 0", value)
-    for name, value in not_below_zero.items():
-        _require(math.isfinite(value) and value >= 0, name, "0 or above", value)
-    for name, value in {**above_zero, **not_below_zero}.items():
-        most = MOST.get(name, MOST_OF_ALL)
-        _require(value <= most, name, f"at most {most:g}", value)
+    for name, value in {**positive, **not_below_zero}.items():
+        least, most = LEAST.get(name, 0.0), MOST.get(name, MOST_OF_ALL)
+        _require(least <= value <= most, name, f"{least:g} to {most:g}", value)
     for name, value in shares.items():
         _require(0 <= value <= 1, name, "a share, 0 to 1", value)
     _check_choices(effects)
@@ -169,9 +192,11 @@ def _check_poses(scene: Scene, names: list[str]) -> None:
 
 
 def _check_object(thing: Object) -> None:
+    name = thing.name[: LONGEST_NAME + 1]
+    known = 0 < len(name) <= LONGEST_NAME and name.isprintable()
+    _require(known, "an object's name", f"1 to {LONGEST_NAME} printable characters", repr(name))
     _check_pose(thing.camera_from_object, f"{thing.name}.camera_from_object")
-    moves = all(math.isfinite(value) for value in thing.velocity_mm_s)
-    _require(moves, f"{thing.name}.velocity_mm_s", "finite", thing.velocity_mm_s)
+    _require_lengths(thing.velocity_mm_s, f"{thing.name}.velocity_mm_s")
     _check_material(thing.material, thing.name)
     _check_shape(thing.shape, thing.name)
 
@@ -181,8 +206,7 @@ def _check_pose(pose: Pose, name: str) -> None:
     rigid = np.allclose(rotation @ rotation.T, np.eye(3), rtol=0, atol=ROTATION_TOLERANCE)
     proper = rigid and np.linalg.det(rotation) > 0
     _require(proper, f"{name}'s rotation", "a rotation matrix", rotation.tolist())
-    finite = bool(np.isfinite(pose.translation_mm).all())
-    _require(finite, f"{name}'s translation", "finite", list(pose.translation_mm))
+    _require_lengths(pose.translation_mm.tolist(), f"{name}'s translation")
 
 
 def _check_material(material: Material, name: str) -> None:
@@ -191,8 +215,8 @@ def _check_material(material: Material, name: str) -> None:
         _require(0 <= value <= 1, f"{name}.{key}", "0 to 1", value)
     total = material.albedo + material.gloss
     _require(total <= 1 + 1e-9, f"{name}: albedo + gloss", "at most 1", total)
-    exponent = material.gloss_exponent
-    _require(0 < exponent < math.inf, f"{name}.gloss_exponent", "above 0", exponent)
+    n = material.gloss_exponent
+    _require(0 < n <= MOST_OF_ALL, f"{name}.gloss_exponent", f"above 0, at most {MOST_OF_ALL:g}", n)
 
 
 def _check_shape(shape: Shape, name: str) -> None:
@@ -205,7 +229,8 @@ def _check_shape(shape: Shape, name: str) -> None:
             _check_board(shape, name)
         case Plane():
             for key in ("width_mm", "height_mm"):
-                _require(getattr(shape, key) > 0, f"{name}.{key}", "above 0", getattr(shape, key))
+                value = getattr(shape, key)
+                _require(value >= LEAST_MM, f"{name}.{key}", f"at least {LEAST_MM:g}", value)
         case Box():
             _require_sizes(shape.size_mm, f"{name}.size_mm")
         case Sphere():
@@ -219,15 +244,14 @@ def _check_shape(shape: Shape, name: str) -> None:
 def _check_blend(blend: Blend, name: str) -> None:
     _require(len(blend.capsules) > 0, f"{name}.capsules", "one or more", 0)
     smooth = blend.smooth_mm
-    _require(0 <= smooth < math.inf, f"{name}.smooth_mm", "0 or above", smooth)
+    _require(0 <= smooth <= MOST_MM, f"{name}.smooth_mm", f"0 to {MOST_MM:g}", smooth)
     for index, capsule in enumerate(blend.capsules):
         _check_capsule(capsule, f"{name}.capsules[{index}]")
 
 
 def _check_capsule(capsule: Capsule, name: str) -> None:
     _require_sizes([capsule.start_radius_mm, capsule.end_radius_mm], f"{name}: radii")
-    ends = (*capsule.start_mm, *capsule.end_mm)
-    _require(all(math.isfinite(value) for value in ends), f"{name}: ends", "finite", ends)
+    _require_lengths((*capsule.start_mm, *capsule.end_mm), f"{name}: ends")
 
 
 def _check_board(board: Board, name: str) -> None:
@@ -237,22 +261,38 @@ def _check_board(board: Board, name: str) -> None:
     _require_sizes([board.square_mm], f"{name}.square_mm")
     not_below_zero = {"margin_mm": board.margin_mm, "print_sigma_mm": board.print_sigma_mm}
     for key, value in not_below_zero.items():
-        _require(0 <= value < math.inf, f"{name}.{key}", "0 or above", value)
+        _require(0 <= value <= MOST_MM, f"{name}.{key}", f"0 to {MOST_MM:g}", value)
     sigma = board.print_sigma_mm
     limit = board.square_mm / 10
     _require(sigma <= limit, f"{name}.print_sigma_mm", f"at most a tenth square ({limit:g})", sigma)
     scale = all(abs(value) < 0.5 for value in board.print_scale)
     _require(scale, f"{name}.print_scale", "shares between -0.5 and 0.5", board.print_scale)
-    bow = all(math.isfinite(value) for value in board.bow_mm)
-    _require(bow, f"{name}.bow_mm", "finite", board.bow_mm)
+    _require_lengths(board.bow_mm, f"{name}.bow_mm")
+    seed = board.print_seed
+    _require(0 <= seed <= MOST_SEED, f"{name}.print_seed", f"0 to {MOST_SEED}", seed)
     known = board.kind in ("checkerboard", "charuco")
     _require(known, f"{name}.kind", "checkerboard or charuco", board.kind)
+    if board.kind == "charuco":
+        _check_marker(board, name)
     print_of(board)
 
 
-def _require_sizes(values: Iterable[float], name: str) -> None:
-    values = tuple(values)
-    _require(all(0 < v < math.inf for v in values), name, "above 0 and finite", values)
+def _check_marker(board: Board, name: str) -> None:
+    """Markers of next to nothing would be drawn on a raster that fills the memory."""
+    least, most = (share * board.square_mm for share in MARKER_SHARES)
+    fits = board.marker_mm is not None and least <= board.marker_mm <= most
+    expected = f"{least:g} to {most:g} on squares of {board.square_mm:g} mm"
+    _require(fits, f"{name}.marker_mm", expected, board.marker_mm)
+
+
+def _require_sizes(values: Sequence[float], name: str) -> None:
+    inside = all(LEAST_MM <= value <= MOST_MM for value in values)
+    _require(inside, name, f"{LEAST_MM:g} to {MOST_MM:g}", tuple(values))
+
+
+def _require_lengths(values: Sequence[float], name: str) -> None:
+    inside = all(abs(value) <= MOST_MM for value in values)
+    _require(inside, name, f"-{MOST_MM:g} to {MOST_MM:g}", values)
 
 
 def _require(holds: bool, name: str, expected: str, actual: object) -> None:

@@ -9,6 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
+LEAST_MS, MOST_MS = 1e-3, 6e4
+"""Shortest and longest exposure, and interval between frames."""
+
+MOST_SEED = 2**63 - 1
+
 Lattice: TypeAlias = Literal["square", "diamond", "none"]
 
 
@@ -144,14 +149,14 @@ class Effects:
     samples: Literal[1, 4, 16] = 4
 
     def without_noise(self) -> Effects:
-        """The same light without anything random, seen in 16 bits."""
+        """The same light without anything random, shown and seen in 16 bits."""
         camera = replace(
             self.camera, bits=16, read_noise_e=0.0, prnu=0.0, dsnu=0.0, shot_noise=False
         )
         return replace(
             self,
             camera=camera,
-            projector=replace(self.projector, flicker=0.0),
+            projector=replace(self.projector, flicker=0.0, bits=16),
         )
 
     @classmethod

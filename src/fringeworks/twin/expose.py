@@ -35,15 +35,8 @@ class Chip:
 
     @property
     def sensor(self) -> Sensor:
-        """The truth of its noise, grey levels; rounding to them is not in it."""
-        full_scale, effects = _full_scale(self.effects), self.effects
-        per_electron = full_scale / effects.full_well_e
-        return Sensor(
-            full_scale,
-            black_level=effects.black_level,
-            gain=per_electron if effects.shot_noise else 0.0,
-            read_noise=effects.read_noise_e * per_electron,
-        )
+        """See `sensor_of`."""
+        return sensor_of(self.effects)
 
     def read(self, light: Floats, rng: np.random.Generator) -> Frames:
         """Grey levels ``(H, W)`` of light ``(H, W)``, 1 at full scale; uint8 up to 8 bits."""
@@ -60,6 +53,18 @@ class Chip:
         )
         read_out(light, (self.gains, self.offsets), noise, electronics, out)
         return out
+
+
+def sensor_of(effects: CameraEffects) -> Sensor:
+    """The truth of a camera's noise, grey levels; rounding to them is not in it."""
+    full_scale = _full_scale(effects)
+    per_electron = full_scale / effects.full_well_e
+    return Sensor(
+        full_scale,
+        black_level=effects.black_level,
+        gain=per_electron if effects.shot_noise else 0.0,
+        read_noise=effects.read_noise_e * per_electron,
+    )
 
 
 def make_chip(effects: CameraEffects, *, width: int, height: int) -> Chip:

@@ -74,7 +74,7 @@ class LightTable:
     variances_px: Array
 
     def gather(self, samples: Floats) -> Floats:
-        """Irradiance ``(H, W)``: mean over samples ``(H, W, n, 4)`` of gain times light."""
+        """Irradiance ``(H, W)`` at rays ``(H, W, 4)``: their gain times the light (`shade`)."""
         out = np.empty(samples.shape[:2], np.float32)
         (start, start_across), (per_px, per_px_across) = self.start_px, self.per_px
         along = AXES.index(self.axis)

@@ -14,7 +14,7 @@ from fringeworks.kernels.mesh import aim, hide_behind_mesh, look_at_mesh
 from fringeworks.kernels.rays import Body
 from fringeworks.model import Pose
 from fringeworks.twin.bodies import placed_body
-from fringeworks.twin.scene import Mesh
+from fringeworks.twin.scene import MOST_MM, Mesh
 
 Array = NDArray[np.float64]
 
@@ -97,8 +97,8 @@ def check_mesh(mesh: Mesh) -> None:
     Raises
     ------
     UsageError
-        No faces, faces that name vertices that are not there, vertices that are not finite, or no
-        triangle with any area.
+        No faces, faces that name vertices that are not there, vertices that are not finite or
+        beyond `MOST_MM`, or no triangle with any area.
     """
     name, vertices, faces = mesh.source, mesh.vertices, mesh.faces
     _check_shapes(mesh)
@@ -115,6 +115,12 @@ def check_mesh(mesh: Mesh) -> None:
         raise UsageError(
             f"{name} must have finite vertices, got {broken} of {len(vertices)} with NaN or "
             "infinity: repair the mesh, or remove those vertices and their faces"
+        )
+    far = float(np.abs(vertices).max())
+    if far > MOST_MM:
+        raise UsageError(
+            f"{name} must have coordinates of at most {MOST_MM:g} mm, got {far:g}: check its units "
+            "and its scale"
         )
     edges = vertices[faces[:, 1:]] - vertices[faces[:, :1]]
     if not np.cross(edges[:, 0], edges[:, 1]).any():

@@ -7,7 +7,6 @@ under ``further["twin"]``.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from fringeworks.errors import UsageError
 from fringeworks.kernels.optics import origins_of, pixels_of, rays_of
 from fringeworks.model import Camera, Lens, Pose, Projector, Rig
+from fringeworks.model.capture import MAX_PIXELS
 
 Array = NDArray[np.float64]
 
@@ -25,6 +25,13 @@ KEY = "twin"
 """Where `Rig.further` keeps what its lenses do beyond the five terms."""
 
 TERMS = ("k4", "k5", "k6", "pupil_shift_mm")
+
+MOST_TERM = 1e6
+LEAST_FOCAL_PX, MOST_FOCAL_PX = 1.0, 1e6
+"""Distortion, places and focal lengths beyond these are no device's."""
+
+NO_TERM = 1e-30
+"""A coefficient of the slope below this folds no lens within any field of view."""
 
 REAL_ROOT = 1e-9
 """Imaginary part, relative, below which a root counts as real."""
@@ -110,7 +117,8 @@ def optics_of(rig: Rig) -> tuple[Optics, Optics]:
     Raises
     ------
     UsageError
-        Something in ``further["twin"]`` is not one of `TERMS` of a device, or no finite number.
+        Something in ``further["twin"]`` is not one of `TERMS` of a device, or no number within
+        bounds; a focal length, term, place or number of pixels that no device has.
     """
     table = rig.further.get(KEY, {})
     _refuse_unknown(table, ("camera", "projector"), f"rig.{KEY}")
@@ -123,7 +131,27 @@ def _optics(device: Camera | Projector, table: Mapping[str, Any], name: str, pos
     where = f"rig.{KEY}.{name}"
     _refuse_unknown(terms, TERMS, where)
     k4, k5, k6, shift = (_number(terms.get(term, 0.0), f"{where}.{term}") for term in TERMS)
+    _check_device(device, name, pose)
     return Optics(device.width, device.height, device.lens, (k4, k5, k6), shift, pose)
+
+
+def _check_device(device: Camera | Projector, name: str, pose: Pose) -> None:
+    pixels = device.width * device.height
+    if not 0 < pixels <= MAX_PIXELS:
+        raise UsageError(
+            f"{name} must have at most {MAX_PIXELS} pixels to be simulated, got "
+            f"{device.width}x{device.height}"
+        )
+    lens = device.lens
+    for key in ("fx", "fy"):
+        focal = getattr(lens, key)
+        if not LEAST_FOCAL_PX <= focal <= MOST_FOCAL_PX:
+            bounds = f"{LEAST_FOCAL_PX:g} to {MOST_FOCAL_PX:g} px"
+            raise UsageError(f"{name}.{key} must be {bounds}, got {focal:g}")
+    for key in ("cx", "cy", "k1", "k2", "p1", "p2", "k3"):
+        _number(getattr(lens, key), f"{name}.{key}")
+    for value in pose.translation_mm.tolist():
+        _number(value, f"{name}'s translation_mm")
 
 
 def _refuse_unknown(table: object, known: tuple[str, ...], name: str) -> None:
@@ -135,8 +163,10 @@ def _refuse_unknown(table: object, known: tuple[str, ...], name: str) -> None:
 
 
 def _number(value: object, name: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:
         raise UsageError(f"{name} must be a finite number, got {value!r}")
+    if abs(value) > MOST_TERM:
+        raise UsageError(f"{name} must be -{MOST_TERM:g} to {MOST_TERM:g}, got {value!r}")
     return float(value)
 
 
@@ -160,6 +190,6 @@ def _fold(lens: Lens, rational: tuple[float, float, float]) -> float:
 
 def _first_root(polynomial: np.polynomial.Polynomial) -> float:
     """Least positive root; inf without one."""
-    roots = polynomial.trim().roots()
+    roots = polynomial.trim(NO_TERM).roots()
     real = roots.real[np.abs(roots.imag) <= REAL_ROOT * np.abs(roots)]
     return float(np.min(real[real > 0], initial=np.inf))

@@ -17,6 +17,9 @@ from fringeworks.model import Pose
 
 Vector: TypeAlias = tuple[float, float, float]
 
+MOST_MM = 1e6
+"""Largest length of a scene."""
+
 
 @dataclass(frozen=True, slots=True)
 class Plane:

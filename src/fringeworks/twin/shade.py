@@ -34,11 +34,11 @@ class View:
     Attributes
     ----------
     samples
-        ``(H, W, n, 4)`` float32, per ray of each pixel: projector column and row, px; index
-        between `sigmas_px`, linear in the variance; gain, zero where unlit.
+        ``(H n, W n, 4)`` float32, n x n rays to a pixel, one in each of its cells: projector column
+        and row, px; index between `sigmas_px`, linear in the variance; gain, zero where unlit.
     reflected
-        ``(H, W)`` float32: albedo times the camera's vignetting, what it receives of light that
-        falls evenly on everything.
+        ``(H n, W n)`` float32: albedo times the camera's vignetting, what each ray receives of
+        light that falls evenly on everything.
     sigmas_px
         ``(levels,)``, rising: widths of the projector's point spread, columns.
     """
@@ -50,20 +50,22 @@ class View:
 
 def find_view(caster: Caster, camera: Optics, projector: Optics, *, effects: Effects) -> View:
     """Cast the rays of all pixels to the scene and from there to the projector."""
-    count = effects.samples
-    samples = np.empty((camera.height, camera.width, count, 4), np.float32)
-    reflected = np.zeros(camera.height * camera.width)
-    for k, offset in enumerate(spread_rays(count)):
-        flat = samples[:, :, k].reshape(-1, 4)
-        reflected += _sample(caster, (camera, projector), effects=effects, offset=offset, out=flat)
-        samples[:, :, k] = flat.reshape(camera.height, camera.width, 4)
-    sigmas = _set_levels(samples, effects.projector.blur_px)
-    mean = (reflected / count).reshape(camera.height, camera.width)
-    return View(samples, mean.astype(np.float32), sigmas)
+    side = math.isqrt(effects.samples)
+    size = (camera.height * side, camera.width * side)
+    samples = np.empty((*size, 4), np.float32)
+    reflected = np.empty(size, np.float32)
+    for offset in spread_rays(effects.samples):
+        column, row = ((offset + 0.5) * side).astype(np.int64)
+        cells = slice(row, None, side), slice(column, None, side)
+        flat = np.empty((camera.height * camera.width, 4), np.float32)
+        light = _sample(caster, (camera, projector), effects=effects, offset=offset, out=flat)
+        samples[cells] = flat.reshape(camera.height, camera.width, 4)
+        reflected[cells] = light.reshape(camera.height, camera.width)
+    return View(samples, reflected, _set_levels(samples, effects.projector.blur_px))
 
 
 def spread_rays(count: int) -> Array:
-    """Places ``(count, 2)`` in a pixel, px from its centre: one in each column and each row.
+    """Places ``(count, 2)`` in a pixel, px from its centre: one in each column, row and cell.
 
     Column ``n a + b`` has its ray in row ``n b + (n - 1 - a)``, n^2 the count, a and b below n:
     x and y are uncorrelated.

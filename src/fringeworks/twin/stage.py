@@ -6,6 +6,7 @@ exposure.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -61,7 +62,7 @@ class Stage:
         self._moves = any(item.moves for item in scene.objects)
         self._still: _Moment | None = None
         self._first_truth = self._find_truth(0.0)
-        check_view(self._first_truth)
+        check_view(self._first_truth, scene=scene.name)
 
     @property
     def sensor(self) -> Sensor:
@@ -127,12 +128,22 @@ class Stage:
             indirect = moment.bounce.gather(
                 moment.lamp.light(image), width=self.camera.width, height=self.camera.height
             )
-            light += indirect * moment.view.reflected
+            cells = np.ones((self._side, self._side), np.float32)
+            light += np.kron(indirect, cells) * moment.view.reflected
         return self._through_lens(light)
 
     def _through_lens(self, light: Floats) -> Floats:
-        variance = self.effects.camera.blur_px**2
-        return blur(light, across=variance, down=variance)
+        """Light ``(H n, W n)`` at rays, blurred while it is that fine, as ``(H, W)`` pixels."""
+        side = self._side
+        variance = (self.effects.camera.blur_px * side) ** 2
+        fine = blur(light, across=variance, down=variance)
+        rows = fine.reshape(self.camera.height, side, self.camera.width, side)
+        return np.asarray(rows.mean(axis=(1, 3), dtype=np.float32))
+
+    @property
+    def _side(self) -> int:
+        """Rays per pixel along each axis."""
+        return math.isqrt(self.effects.samples)
 
     def _moment(self, time_s: float) -> _Moment:
         if self._still is None:

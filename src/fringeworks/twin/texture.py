@@ -94,7 +94,7 @@ def _draw_squares(board: Board) -> Array:
 def _marker_steps(board: Board) -> Array:
     """Edges of a marker's cells within a square, in squares: its bits and a black rim of one."""
     cells = _dictionary(board).markerSize + 2
-    share = _marker_mm(board) / board.square_mm
+    share = _marker_share(board)
     return np.append(0.0, (1 - share) / 2 + np.arange(cells + 1) * share / cells)
 
 
@@ -107,21 +107,23 @@ def _draw_charuco(board: Board, across: Array, down: Array) -> Array:
             f"board.dictionary must have a marker for each of the {size[0] * size[1] // 2} white "
             f"squares, got {board.dictionary} with {len(dictionary.bytesList)}: take a larger one"
         )
-    drawn = cv2.aruco.CharucoBoard(size, board.square_mm, _marker_mm(board), dictionary)
-    cell = _marker_mm(board) / board.square_mm / (dictionary.markerSize + 2)
+    share = _marker_share(board)
+    drawn = cv2.aruco.CharucoBoard(size, 1.0, share, dictionary)
+    cell = share / (dictionary.markerSize + 2)
     side = math.ceil(CELL_PX / cell)
     image = drawn.generateImage((size[0] * side, size[1] * side))
     middles = [((lines[1:] + lines[:-1]) / 2 * side).astype(np.intp) for lines in (down, across)]
     return np.asarray(image[np.ix_(*middles)] < 128, dtype=np.float64)
 
 
-def _marker_mm(board: Board) -> float:
+def _marker_share(board: Board) -> float:
+    """Side of a marker, in squares."""
     if board.marker_mm is None or not 0 < board.marker_mm < board.square_mm:
         raise UsageError(
             f"board.marker_mm must be above 0 and below square_mm ({board.square_mm:g}) for a "
             f"ChArUco board, got {board.marker_mm}"
         )
-    return board.marker_mm
+    return board.marker_mm / board.square_mm
 
 
 def _dictionary(board: Board) -> cv2.aruco.Dictionary:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.errors import MeasurementError
-from fringeworks.geometry.minimise import Block, minimise
+from fringeworks.geometry.minimise import MOST_STEPS, Block, minimise
 from fringeworks.geometry.pose import left_jacobian, rotation_matrix
 
 Array = NDArray[np.float64]
@@ -109,13 +109,17 @@ def fit_algebraic(centred: Array) -> tuple[Array, Array, Array]:
     return curvature, (2 * constant / (1 + slope))[..., None] * normal, normal
 
 
-def refine(start: Curved, points: Array, weights: Array) -> Curved | None:
+def refine(
+    start: Curved, points: Array, weights: Array, *, steps: int = MOST_STEPS
+) -> Curved | None:
     """The surface of least squared weighted distances next to a start; None if none is reached.
 
     Parameters
     ----------
     points, weights
         ``(n, 3)`` mm and ``(n,)`` 1 / mm.
+    steps
+        After so many it has not reached any.
     """
     free = _CYLINDER if start.straight else _SPHERE
     relative = points - start.foot
@@ -128,7 +132,7 @@ def refine(start: Curved, points: Array, weights: Array) -> Curved | None:
         yield distances * weights, weighted, np.arange(len(free), dtype=np.intp)
 
     origin = np.array([0.0, start.curvature, 0.0, 0.0, 0.0])
-    minimum = minimise(model, origin[free])
+    minimum = minimise(model, origin[free], steps=steps)
     if not minimum.converged:
         return None
     origin[free] = minimum.parameters

@@ -24,6 +24,11 @@ PARAMETERS = 5
 SAMPLE = 1000
 """Points that the search for the axis looks at; all of them make the fit."""
 
+LARGE_SAMPLE = 30_000
+LAST_STEPS = 20
+"""From the cylinder through the large sample to that through all points. Other forms, as spheres,
+give the fit a valley to wander in: on the sample that shows within seconds."""
+
 DIRECTIONS = 200
 """Of the search, over half a sphere: 10 degrees apart."""
 
@@ -83,8 +88,8 @@ def fit_cylinder(points: Array, *, sigma_mm: Array | None = None) -> CylinderFit
     Least sum of ``(distance from the axis - radius)^2 / sigma^2`` by Levenberg-Marquardt
     (`geometry.forms.curved`). The start is the best of many axes: for directions over half a
     sphere and the points' principal ones a Taubin circle is fitted to the points seen along them;
-    the best few are refined on a sample of the points, and the best of those on all. Outliers
-    pull it: choose the points first.
+    the best few are refined on a sample of the points, the best of those on a larger sample and
+    then on all. Outliers pull it: choose the points first.
 
     Parameters
     ----------
@@ -102,8 +107,7 @@ def fit_cylinder(points: Array, *, sigma_mm: Array | None = None) -> CylinderFit
     check_points(points, form="cylinder", least=PARAMETERS + 1)
     check_curved(points, form="cylinder")
     weights = weights_of(sigma_mm, len(points))
-    start = settled(_start(points, weights), points, form="cylinder")
-    found = settled(refine(start, points, weights), points, form="cylinder")
+    found = settled(_fit(points, weights), points, form="cylinder")
     covariance = covariance_of(found, points, weights, form="cylinder")
     middle = points.mean(axis=0)
     change = change_of(found, middle)
@@ -144,6 +148,15 @@ def change_of(found: Curved, middle: Array) -> Array:
     axis[0, 4], axis[2, 2] = -_sign(found), _sign(found)
     by_radius = np.array([[0.0, -(radius**2), 0.0, 0.0, 0.0]])
     return np.concatenate([found.frame @ point, found.frame @ axis, by_radius])
+
+
+def _fit(points: Array, weights: Array) -> Curved | None:
+    start = _start(points, weights)
+    if start is None:
+        return None
+    chosen = spread_indices(len(points), LARGE_SAMPLE)
+    near = refine(start, points[chosen], weights[chosen])
+    return None if near is None else refine(near, points, weights, steps=LAST_STEPS)
 
 
 def _start(points: Array, weights: Array) -> Curved | None:
