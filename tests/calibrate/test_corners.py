@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,15 +10,24 @@ import pytest
 from numpy.typing import NDArray
 
 from fringeworks.calibrate.corners import (
+    FoundCorners,
     board_images,
+    find_board,
     find_corners,
     handedness,
     square_sizes,
     to_8_bit,
 )
+from fringeworks.calibrate.found import grid_steps
 from fringeworks.errors import CalibrationError, ShapeError
+from fringeworks.geometry.lens import project
 from fringeworks.model import Capture, CheckerboardTarget, ProjectorMap, Sensor, Sequence
 from fringeworks.model.sequence import PatternSet, Uniform
+from fringeworks.twin import scenes
+from fringeworks.twin.effects import Effects
+from fringeworks.twin.scene import Board
+from fringeworks.twin.simulate import simulate
+from fringeworks.twin.texture import board_corners
 from tests.calibrate.synthetic import BOARD, reference, true_corners
 from tests.scenes import coded_axis
 
@@ -38,8 +48,9 @@ def nearest_order(found: Array, truth: Array) -> Array:
 def test_corners_of_a_rendered_board(picture: NDArray[np.uint8]) -> None:
     found = find_corners(picture, BOARD)
     errors = nearest_order(found, true_corners(POSE)) - true_corners(POSE)
-    assert np.sqrt(np.mean(errors**2)) < 0.05  # px, per coordinate
-    assert np.abs(errors.mean(axis=0)).max() < 0.02
+    # Three samples a pixel place an edge to a tenth of one; some 40 of them make a corner.
+    assert np.sqrt(np.mean(errors**2)) < 0.02  # px, per coordinate
+    assert np.abs(errors.mean(axis=0)).max() < 0.01
     assert handedness(found, BOARD) > 0
 
 
@@ -87,6 +98,61 @@ def test_the_window_never_reaches_the_neighbour(picture: NDArray[np.uint8]) -> N
     truth = (true_corners(POSE) - 0.5) / 2
     errors = nearest_order(find_corners(np.asarray(small), BOARD), truth) - truth
     assert np.abs(errors).max() < 0.2
+
+
+def capture_of_twin(pose: int, blur_px: float) -> tuple[Array, Array]:
+    """White frame of the paper's rig, noise and 8 bits and all, and the true corners."""
+    rig, scene = scenes.paper_rig(), scenes.board_scene().views()[pose]
+    white = Sequence(rig.projector.width, rig.projector.height, (PatternSet(Uniform(1.0)),))
+    effects = replace(Effects(), camera=replace(Effects().camera, blur_px=blur_px))
+    rng = np.random.default_rng(pose)
+    image = simulate(scene, rig, white, effects=effects, rng=rng).capture.white()
+    assert image is not None
+    (board,) = scene.objects
+    place = board.camera_from_object
+    assert isinstance(board.shape, Board)
+    in_camera = board_corners(board.shape) @ place.rotation.T + place.translation_mm
+    return np.asarray(image, dtype=np.float64), project(in_camera, rig.camera.lens.vector)
+
+
+@pytest.mark.parametrize(
+    ("pose", "blur_px", "bar"), [(0, 0.6, 0.03), (3, 0.3, 0.015), (3, 0.6, 0.015), (3, 1.5, 0.015)]
+)
+def test_captures_of_the_twin(pose: int, blur_px: float, bar: float) -> None:
+    """In pose 0 the edges run along the pixels: the twin blurs after them, no lens does, and 88
+    errors of 0.016 px have little to do with noise. Otherwise the predicted sigma holds: the rms
+    of 176 errors is right to 5 %, the floor under sigma may make it 50 % too large."""
+    image, truth = capture_of_twin(pose, blur_px)
+    found = find_board(image, BOARD)
+    errors = nearest_order(found.pixels, truth) - truth
+    reached = np.sqrt(np.mean(errors**2))
+    assert set(found.reasons) == {""}
+    assert reached < bar
+    if pose:
+        assert 0.8 < np.sqrt(np.mean(found.sigma**2)) / reached < 1.6
+
+
+def test_corners_in_part_have_their_places_on_the_board() -> None:
+    board = CheckerboardTarget(3, 2, 1.0, 1.0)
+    pixels = np.array([[5.0, 1.0], [3.0, 4.0]])
+    part = FoundCorners(np.array([1, 5]), pixels, np.ones((2, 2)), ("", ""))
+    whole = part.on_board(board)
+    np.testing.assert_array_equal(whole[[1, 5]], pixels)
+    assert np.isnan(whole[[0, 2, 3, 4]]).all()
+
+
+def test_steps_and_sizes_where_corners_are_missing() -> None:
+    board = CheckerboardTarget(3, 2, 1.0, 1.0)
+    corners = np.array([[0.0, 0], [10, 1], [22, 2], [0, 15], [np.nan, np.nan], [30, 15]])
+    steps = grid_steps(corners, board)
+    np.testing.assert_allclose(steps[1, 0], [11, 1])  # half the way between both neighbours
+    np.testing.assert_allclose(steps[0], [[10, 1], [0, 15]])
+    np.testing.assert_allclose(steps[2], [[12, 1], [8, 13]])
+    assert np.isnan(steps[3, 0]).all()  # no neighbour along x
+    assert np.isnan(steps[4]).all()
+    sizes = square_sizes(corners, board)
+    assert sizes[3] == 15
+    assert np.isnan(sizes[4])
 
 
 def test_square_sizes_take_the_nearest_neighbour() -> None:
@@ -157,9 +223,10 @@ def test_white_frame_comes_first_then_offset_then_modulation() -> None:
     assert names[0] == "offset of the fringes"
 
 
-@pytest.mark.parametrize(("side", "bar"), [("left", 0.19), ("right", 0.19)])
+@pytest.mark.parametrize(("side", "bar"), [("left", 0.16), ("right", 0.16)])
 def test_real_chessboards(real: Callable[[str], Path], side: str, bar: float) -> None:
-    """OpenCV's own sample: 0.41 and 0.46 px with its detector and one window for all views."""
+    """OpenCV's own sample: 0.41 and 0.46 px with its detector and one window for all views, 0.177
+    and 0.182 with `cv2.cornerSubPix` in windows that follow the squares."""
     board = CheckerboardTarget(9, 6, 25.0, 25.0)
     folder = real("opencv-chessboard")
     images = [

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from fringeworks.errors import FormatError, UsageError
 from fringeworks.files import read_board, write_board
-from fringeworks.model import CheckerboardTarget
+from fringeworks.model import CharucoTarget, CheckerboardTarget, CirclesTarget, Target
 
 GOOD = 'kind = "checkerboard"\ncolumns = 11\nrows = 8\n'
 
 
-def board(folder: Path, text: str) -> CheckerboardTarget:
+def board(folder: Path, text: str) -> Target:
     (folder / "board.toml").write_text(text, encoding="utf-8")
     return read_board(folder / "board.toml")
 
@@ -74,6 +74,32 @@ def test_the_real_board(real: Callable[[str], Path]) -> None:
     assert target == CheckerboardTarget(7, 9, 75.0, 75.0)
 
 
+CHARUCO = (
+    'kind = "charuco"\ncolumns = 11\nrows = 8\nmarker_mm = 9.0\ndictionary = "DICT_5X5_100"\n'
+    "square_mm = 13.0\n"
+)
+CIRCLES = (
+    'kind = "circles"\ncolumns = 7\nrows = 9\ndiameter_mm = 7.5\n'
+    "pitch_x_mm = 20.1\npitch_y_mm = 20.0\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "target"),
+    [
+        (CHARUCO, CharucoTarget(11, 8, 13.0, 13.0, 9.0, "DICT_5X5_100")),
+        (
+            CIRCLES + "pitch_sigma_mm = 0.01\ncte_per_k = 1e-5\ntemperature_c = 21.0\n",
+            CirclesTarget(7, 9, 20.1, 20.0, 7.5, 0.01, 1e-5, 21.0),
+        ),
+    ],
+)
+def test_other_kinds_read_back(tmp_path: Path, text: str, target: Target) -> None:
+    assert board(tmp_path, text) == target
+    write_board(tmp_path / "again.toml", target)
+    assert read_board(tmp_path / "again.toml") == target
+
+
 EITHER = "give either square_mm, or both pitch_x_mm and pitch_y_mm"
 
 
@@ -91,12 +117,17 @@ EITHER = "give either square_mm, or both pitch_x_mm and pitch_y_mm"
         (GOOD.replace("11", "2") + "square_mm = 13.0", "columns must be >= 3, got 2"),
         (GOOD.replace("11", "11.0") + "square_mm = 13.0", "columns must be a whole number"),
         ('kind = "checkerboard"\nrows = 8\nsquare_mm = 1.0', "columns is missing"),
-        ('kind = "charuco"', "kind 'charuco' is planned, not supported yet; use checkerboard"),
-        ('kind = "circles"', "kind 'circles' is planned"),
-        ('kind = "dots"', "kind must be 'checkerboard', got 'dots'"),
+        (CHARUCO.replace("marker_mm = 9.0\n", ""), "marker_mm is missing"),
+        (CHARUCO.replace("9.0", "13.0"), r"marker_mm must be below the pitch \(13\), got 13"),
+        (CHARUCO.replace("DICT_5X5_100", "5x5"), "dictionary"),
+        (CIRCLES.replace("7.5", "0.0"), "diameter_mm must be > 0, got 0"),
+        (CIRCLES.replace("7.5", "21.0"), r"diameter_mm must be below the pitch \(20\), got 21"),
+        (GOOD + "square_mm = 13.0\nmarker_mm = 9.0", "unknown key 'marker_mm'"),
+        ('kind = "dots"', "must be one of 'checkerboard', 'charuco', 'circles', got 'dots'"),
+        ('kind = "charcuo"', "got 'charcuo', did you mean 'charuco'"),
         ("columns = 3", "kind is missing"),
         ("columns = ", r"not valid TOML: .*\(at"),
-        ("kind = []", r"kind must be 'checkerboard', got \[\]"),
+        ("kind = []", r"kind must be one of .*got \[\]"),
     ],
 )
 def test_refusals(tmp_path: Path, text: str, message: str) -> None:

@@ -17,7 +17,7 @@ from fringeworks.files.capture import CAPTURE_TOML
 from fringeworks.files.capture_writing import check_folder, describe_capture, make_room
 from fringeworks.files.scene import files_written
 from fringeworks.files.truth import write_truth
-from fringeworks.model import CheckerboardTarget, Rig, Sequence
+from fringeworks.model import Rig, Sequence, Target
 from fringeworks.model.progress import Progress, no_progress
 from fringeworks.patterns import frame_names
 from fringeworks.twin.cast import Caster
@@ -170,8 +170,8 @@ def _write_one(
     write_capture(replace(made.capture, provenance=dict(plan.provenance)), folder)
 
 
-def _target(scene: Scene) -> CheckerboardTarget | None:
-    """The board that the poses show, if it is one that a calibration reads."""
+def _target(scene: Scene) -> Target | None:
+    """The board that the poses show, if it is one."""
     shapes = (item.shape for item in scene.objects if item.name == scene.posed)
     board = next((shape for shape in shapes if isinstance(shape, Board)), None)
-    return target_of(board) if board is not None and board.kind == "checkerboard" else None
+    return None if board is None else target_of(board)

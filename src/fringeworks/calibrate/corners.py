@@ -1,10 +1,10 @@
-"""Inner corners of a checkerboard in the camera's image, to a few hundredths of a pixel.
+"""Corners of a board in the camera's image, to a hundredth of a pixel.
 
 OpenCV's SB detector says which corner is which (the classical detector where it finds nothing);
-`cv2.cornerSubPix` says where each one is, in a window that follows the local size of the squares.
-The SB detector's own positions are not used: on rendered boards they err by 0.04 to 0.09 px where
-the refinement errs by 0.03 to 0.05, and on the 13 left images of OpenCV's chessboard sample a
-calibration leaves 0.26 px with them and 0.18 px with the refinement.
+`refine_saddles` says where each one is. The SB detector's own positions are not used: on captures
+of the twin they err by 0.09 px where the refinement errs by 0.01, and on the 13 left images of
+OpenCV's chessboard sample a calibration leaves 0.26 px with them and 0.16 px with the refinement
+(0.18 px with `cv2.cornerSubPix`).
 """
 
 from __future__ import annotations
@@ -15,22 +15,41 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fringeworks.calibrate.charuco import find_charuco
+from fringeworks.calibrate.circles import find_circles
+from fringeworks.calibrate.found import (
+    FoundCorners,
+    Image,
+    Points,
+    grid_steps,
+    handedness,
+    refuse_small,
+    right_handed,
+    square_sizes,
+    to_8_bit,
+)
+from fringeworks.calibrate.saddle import refine_saddles
 from fringeworks.errors import CalibrationError, ShapeError
-from fringeworks.model import Capture, CheckerboardTarget, ProjectorMap
+from fringeworks.model import (
+    Capture,
+    CharucoTarget,
+    CheckerboardTarget,
+    CirclesTarget,
+    ProjectorMap,
+    Target,
+)
 
-Points = NDArray[np.float64]
-Image = NDArray[np.generic]
+__all__ = [
+    "FoundCorners",
+    "board_images",
+    "find_board",
+    "find_corners",
+    "handedness",
+    "square_sizes",
+    "to_8_bit",
+]
 
-CORNER_SIGMA_PX = 0.04
-"""Standard deviation, px, of a corner's coordinate where nothing better is known."""
-
-WINDOW_SHARE = 0.28
-"""Half the refinement window per local square. On OpenCV's sample the residuals fall slowly up to
-0.32 and rise steeply from 0.35, where the window of a tilted square begins to hold other edges."""
-
-SMALLEST_SQUARE_PX = 6.0
 SMALLEST_IMAGE_PX = 16
-ROBUST_PERCENT = (0.5, 99.5)
 _SMALLEST_BOARD = (3, 3)
 
 
@@ -47,79 +66,59 @@ def board_images(capture: Capture, projector_map: ProjectorMap) -> Iterator[tupl
     yield "modulation of the fringes", axis.modulation
 
 
-def to_8_bit(image: Image) -> NDArray[np.uint8]:
-    """The image with its 0.5 and 99.5 percentiles at 0 and 255; void pixels are black."""
-    values = np.nan_to_num(np.asarray(image, dtype=np.float32))
-    low, high = np.percentile(values, ROBUST_PERCENT)
-    scaled = (values - low) * (255 / max(high - low, 1e-6))
-    levels: NDArray[np.uint8] = np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
-    return levels
+def find_corners(image: Image, board: Target) -> Points:
+    """``(n, 2)`` px of all of a board's corners, NaN where not seen; see `find_board`."""
+    return find_board(image, board).on_board(board)
 
 
-def square_sizes(corners: Points, board: CheckerboardTarget) -> NDArray[np.float64]:
-    """``(n,)`` distance, px, from each corner to the nearest of its neighbours on the grid."""
-    grid = corners.reshape(board.rows, board.columns, 2)
-    across = np.linalg.norm(np.diff(grid, axis=1), axis=-1)
-    down = np.linalg.norm(np.diff(grid, axis=0), axis=-1)
-    nearest = np.full((board.rows, board.columns), np.inf)
-    nearest[:, :-1] = np.minimum(nearest[:, :-1], across)
-    nearest[:, 1:] = np.minimum(nearest[:, 1:], across)
-    nearest[:-1] = np.minimum(nearest[:-1], down)
-    nearest[1:] = np.minimum(nearest[1:], down)
-    return nearest.ravel()
-
-
-def handedness(corners: Points, board: CheckerboardTarget) -> float:
-    """Twice the mean signed area, px^2, of the squares: positive with x right and y down.
-
-    A camera that sees the printed side of a board sees it positive; negative means mirrored.
-    """
-    grid = corners.reshape(board.rows, board.columns, 2)
-    x = np.diff(grid, axis=1)[:-1]
-    y = np.diff(grid, axis=0)[:, :-1]
-    return float(np.nanmedian(x[..., 0] * y[..., 1] - x[..., 1] * y[..., 0]))
-
-
-def find_corners(image: Image, board: CheckerboardTarget) -> Points:
-    """Inner corners of the board in an image.
+def find_board(image: Image, board: Target) -> FoundCorners:
+    """Corners of a checkerboard or ChArUco board, or centres of circles, in an image.
 
     Parameters
     ----------
     image
-        ``(H, W)`` grey levels of any depth; NaN counts as black.
+        ``(H, W)`` grey levels of any depth; NaN is void.
     board
-        Counts of inner corners. Which of the two counts is called columns does not matter to the
-        detectors; half a turn of the board cannot be told and does not matter either, since both
-        devices get the same list.
+        Its counts. Which of the two counts of a checkerboard or of circles is called columns does
+        not matter to the detectors; half a turn of such a board cannot be told and does not
+        matter either, since both devices get the same list. They must be in view as a whole; of
+        a ChArUco board a part is enough.
 
     Returns
     -------
-    corners
-        ``(n, 2)`` camera px, in the order of `CheckerboardTarget.corners_mm`, right-handed: the
-        board's x runs right and its y down when it is looked at from the front.
+    found
+        In the order of the board's `corners_mm`, right-handed: the board's x runs right and its
+        y down when it is looked at from the front.
 
     Raises
     ------
     ShapeError
         The image is not two-dimensional.
     CalibrationError
-        No such board, with the counts of the board that is there if one is; or squares below
-        6 px.
+        No such board, with what is there instead where that can be told; or squares below 6 px.
     """
     if image.ndim != 2:
         raise ShapeError(f"image must be (H, W), got {image.shape}")
+    match board:
+        case CheckerboardTarget():
+            return _find_checkerboard(image, board)
+        case CharucoTarget():
+            return find_charuco(image, board)
+        case CirclesTarget():
+            return find_circles(image, board)
+
+
+def _find_checkerboard(image: Image, board: CheckerboardTarget) -> FoundCorners:
     grey = to_8_bit(image)
     corners = _detect(grey, board)
     if corners is None:
         raise CalibrationError(_why_not_found(grey, board))
-    corners = _right_handed(corners, board)
-    smallest = float(square_sizes(corners, board).min())
-    if smallest < SMALLEST_SQUARE_PX:
-        raise CalibrationError(
-            f"the board is too small: its squares are {smallest:.1f} px wide in the image, at "
-            f"least {SMALLEST_SQUARE_PX:g} are needed; move it nearer or print larger squares"
-        )
-    return _refine(image, corners, board)
+    corners = right_handed(corners, board)
+    refuse_small(corners, board)
+    refined = refine_saddles(image, corners, grid_steps(corners, board))
+    return FoundCorners(
+        np.arange(board.corner_count), refined.pixels, refined.sigma, refined.reasons
+    )
 
 
 def _detect(grey: NDArray[np.uint8], board: CheckerboardTarget) -> Points | None:
@@ -137,27 +136,6 @@ def _detect(grey: NDArray[np.uint8], board: CheckerboardTarget) -> Points | None
     height, width = grey.shape
     inside = (detected >= 0).all() and (detected <= [width - 1, height - 1]).all()
     return detected if inside else None
-
-
-def _right_handed(corners: Points, board: CheckerboardTarget) -> Points:
-    """The same corners with each row turned round where the detector ordered them mirrored."""
-    if handedness(corners, board) > 0:
-        return corners
-    return corners.reshape(board.rows, board.columns, 2)[:, ::-1].reshape(-1, 2)
-
-
-def _refine(image: Image, corners: Points, board: CheckerboardTarget) -> Points:
-    """Sub-pixel positions from the image's own grey levels, window by local square size."""
-    values = np.nan_to_num(np.asarray(image, dtype=np.float32))
-    halves = np.maximum(2, (WINDOW_SHARE * square_sizes(corners, board)).astype(int))
-    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
-    refined = corners.copy()
-    for half in np.unique(halves):
-        chosen = halves == half
-        start = corners[chosen].reshape(-1, 1, 2).astype(np.float32)
-        moved = cv2.cornerSubPix(values, start, (int(half), int(half)), (-1, -1), stop)
-        refined[chosen] = moved.reshape(-1, 2)
-    return refined
 
 
 def _why_not_found(grey: NDArray[np.uint8], board: CheckerboardTarget) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -11,20 +11,17 @@ from fringeworks.errors import FormatError
 from fringeworks.files.atomic import write_text
 from fringeworks.files.nouns import describe_noun
 from fringeworks.files.toml import lay_out_toml
-from fringeworks.files.validation import Table, read_toml, shorten, validated
-from fringeworks.model.board import CheckerboardTarget
-
-PLANNED_KINDS = ("charuco", "circles")
+from fringeworks.files.validation import Table, read_toml, shorten, suggest, validated
+from fringeworks.model import CharucoTarget, CheckerboardTarget, CirclesTarget, Target, kind_of
 
 MIN_PITCH_MM, MAX_PITCH_MM = 0.1, 10_000.0
 
 Corners = Annotated[int, Field(ge=3, le=1000)]
 
 
-class CheckerboardFile(Table):
-    """``board.toml`` of a printed checkerboard: inner corners, pitch in mm."""
+class GridFile(Table):
+    """What every board's file has: counts of inner corners or circles, pitch in mm."""
 
-    kind: Literal["checkerboard"]
     columns: Corners
     rows: Corners
     square_mm: float | None = None
@@ -35,19 +32,49 @@ class CheckerboardFile(Table):
     temperature_c: Annotated[float, Field(ge=-273.15)] | None = None
 
 
-def read_board(path: str | Path) -> CheckerboardTarget:
+class CheckerboardFile(GridFile):
+    """``board.toml`` of a printed checkerboard."""
+
+    kind: Literal["checkerboard"]
+
+
+class CharucoFile(GridFile):
+    """That of a ChArUco board; `dictionary` is one of OpenCV's."""
+
+    kind: Literal["charuco"]
+    marker_mm: Annotated[float, Field(gt=0)]
+    dictionary: Annotated[str, Field(pattern="^DICT_[A-Z0-9_]+$")]
+
+
+class CirclesFile(GridFile):
+    """That of a symmetric grid of circles; `square_mm` is the pitch."""
+
+    kind: Literal["circles"]
+    diameter_mm: Annotated[float, Field(gt=0)]
+
+
+BoardFile: TypeAlias = CheckerboardFile | CharucoFile | CirclesFile
+
+KINDS: dict[str, tuple[type[BoardFile], type[Target]]] = {
+    "checkerboard": (CheckerboardFile, CheckerboardTarget),
+    "charuco": (CharucoFile, CharucoTarget),
+    "circles": (CirclesFile, CirclesTarget),
+}
+
+
+def read_board(path: str | Path) -> Target:
     """The board that ``board.toml`` describes; lengths in mm.
 
     Raises
     ------
     FormatError
-        Not TOML, a key missing, unknown or out of bounds, or a kind that is not supported yet.
+        Not TOML, a key missing, unknown or out of bounds, or a kind that is not known.
     """
     path = Path(path)
     return _parse(read_toml(path), path)
 
 
-def write_board(path: str | Path, target: CheckerboardTarget) -> None:
+def write_board(path: str | Path, target: Target) -> None:
     """Write ``board.toml``, atomic; it reads back as it is.
 
     Raises
@@ -58,37 +85,32 @@ def write_board(path: str | Path, target: CheckerboardTarget) -> None:
         The file cannot be written.
     """
     path = Path(path)
-    keys = {"kind": "checkerboard", **describe_noun(target)}
+    keys = {"kind": kind_of(target), **describe_noun(target)}
     if target.pitch_x_mm == target.pitch_y_mm:
         keys["square_mm"] = keys.pop("pitch_x_mm")
         del keys["pitch_y_mm"]
     write_text(path, lay_out_toml(keys, lambda again: _parse(again, path), what="board"))
 
 
-def _parse(document: dict[str, Any], path: Path) -> CheckerboardTarget:
-    _check_kind(document, path)
-    board = validated(CheckerboardFile, document, path)
+def _parse(document: dict[str, Any], path: Path) -> Target:
+    table, noun = KINDS[_kind(document, path)]
+    board = validated(table, document, path)
     pitch_x, pitch_y = _pitch(board, path)
-    return CheckerboardTarget(
-        columns=board.columns,
-        rows=board.rows,
-        pitch_x_mm=pitch_x,
-        pitch_y_mm=pitch_y,
-        pitch_sigma_mm=board.pitch_sigma_mm,
-        cte_per_k=board.cte_per_k,
-        temperature_c=board.temperature_c,
-    )
+    _check_print(board, min(pitch_x, pitch_y), path)
+    given = board.model_dump(exclude={"kind", "square_mm", "pitch_x_mm", "pitch_y_mm"})
+    return noun(pitch_x_mm=pitch_x, pitch_y_mm=pitch_y, **given)
 
 
-def _check_kind(document: dict[str, Any], path: Path) -> None:
-    kind = document.get("kind")
-    if kind in PLANNED_KINDS:
-        raise FormatError(f"{path}: kind '{kind}' is planned, not supported yet; use checkerboard")
-    if kind is not None and kind != "checkerboard":
-        raise FormatError(f"{path}: kind must be 'checkerboard', got {shorten(kind)}")
+def _kind(document: dict[str, Any], path: Path) -> str:
+    kind = document.get("kind", "checkerboard")  # which then says that the kind is missing
+    if isinstance(kind, str) and kind in KINDS:
+        return kind
+    wanted = ", ".join(f"'{name}'" for name in KINDS)
+    hint = suggest(kind, KINDS) if isinstance(kind, str) else ""
+    raise FormatError(f"{path}: kind must be one of {wanted}, got {shorten(kind)}{hint}")
 
 
-def _pitch(board: CheckerboardFile, path: Path) -> tuple[float, float]:
+def _pitch(board: BoardFile, path: Path) -> tuple[float, float]:
     for key in ("square_mm", "pitch_x_mm", "pitch_y_mm"):
         value = getattr(board, key)
         if value is not None and not MIN_PITCH_MM <= value <= MAX_PITCH_MM:
@@ -102,3 +124,11 @@ def _pitch(board: CheckerboardFile, path: Path) -> tuple[float, float]:
     if board.square_mm is None and board.pitch_x_mm is not None and board.pitch_y_mm is not None:
         return board.pitch_x_mm, board.pitch_y_mm
     raise FormatError(f"{path}: give either square_mm, or both pitch_x_mm and pitch_y_mm")
+
+
+def _check_print(board: BoardFile, pitch: float, path: Path) -> None:
+    """A marker must fit its square, a circle its place."""
+    for key in ("marker_mm", "diameter_mm"):
+        value = getattr(board, key, None)
+        if value is not None and not value < pitch:
+            raise FormatError(f"{path}: {key} must be below the pitch ({pitch:g}), got {value:g}")

@@ -1,6 +1,14 @@
 """The nouns: frozen types, one per stop of the line."""
 
-from fringeworks.model.board import CheckerboardTarget
+from fringeworks.model.board import (
+    CharucoTarget,
+    CheckerboardTarget,
+    CirclesTarget,
+    Target,
+    corners_at,
+    expansion,
+    kind_of,
+)
 from fringeworks.model.capture import Capture, Frames, Sensor
 from fringeworks.model.cloud import Cloud
 from fringeworks.model.finding import Finding
@@ -42,8 +50,10 @@ __all__ = [
     "Axis",
     "Camera",
     "Capture",
+    "CharucoTarget",
     "Checkerboard",
     "CheckerboardTarget",
+    "CirclesTarget",
     "Cloud",
     "CodedAxis",
     "Codeword",
@@ -68,12 +78,16 @@ __all__ = [
     "Sequence",
     "Speckle",
     "Staircase",
+    "Target",
     "Uniform",
     "Void",
     "WrappedPhase",
+    "corners_at",
     "describe_voids",
+    "expansion",
     "gray_bits",
     "gray_cells",
+    "kind_of",
     "no_progress",
     "pixel_on_edge",
 ]

@@ -18,7 +18,7 @@ import numpy as np
 
 from fringeworks.errors import UsageError
 from fringeworks.geometry.pose import rotation_matrix
-from fringeworks.model import Camera, CheckerboardTarget, Lens, Pose, Projector, Rig
+from fringeworks.model import Camera, CharucoTarget, CheckerboardTarget, Lens, Pose, Projector, Rig
 from fringeworks.twin.scene import (
     Blend,
     Board,
@@ -190,9 +190,12 @@ def board_pose(
     return replace(turned, translation_mm=turned.translation_mm - turned.rotation @ corners)
 
 
-def target_of(board: Board) -> CheckerboardTarget:
+def target_of(board: Board) -> CheckerboardTarget | CharucoTarget:
     """What a calibration is told of a board: its nominal pitch, not what went wrong in print."""
-    return CheckerboardTarget(board.columns, board.rows, board.square_mm, board.square_mm)
+    size = (board.columns, board.rows, board.square_mm, board.square_mm)
+    if board.marker_mm is None:
+        return CheckerboardTarget(*size)
+    return CharucoTarget(*size, board.marker_mm, board.dictionary)
 
 
 def hand() -> Blend:
