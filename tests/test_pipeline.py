@@ -11,14 +11,14 @@ import pytest
 from fringeworks.calibrate import calibrate_captures
 from fringeworks.errors import ShapeError
 from fringeworks.files import read_board, read_capture
-from fringeworks.model import CheckerboardTarget, Rig
+from fringeworks.model import Rig, Target
 from fringeworks.pipeline import measure_board, measure_plane, scan
 
 POSES = [f"capture_{pose}" for pose in range(4)]
 
 
 @pytest.fixture(scope="module")
-def calibrated(real: Callable[[str], Path]) -> tuple[Path, CheckerboardTarget, Rig]:
+def calibrated(real: Callable[[str], Path]) -> tuple[Path, Target, Rig]:
     folder = real("procam-graycode")
     board = read_board(folder / "board.toml")
     captures = (read_capture(folder / pose) for pose in POSES)
@@ -27,7 +27,7 @@ def calibrated(real: Callable[[str], Path]) -> tuple[Path, CheckerboardTarget, R
 
 @pytest.mark.parametrize("pose", POSES)
 def test_each_board_comes_out_square_and_flat(
-    calibrated: tuple[Path, CheckerboardTarget, Rig], pose: str
+    calibrated: tuple[Path, Target, Rig], pose: str
 ) -> None:
     """Every point inside the corners counts; a Gray cell is worth 1.2 to 2.8 mm rms here."""
     folder, board, rig = calibrated
@@ -42,7 +42,7 @@ def test_each_board_comes_out_square_and_flat(
 
 
 def test_a_view_that_the_rig_does_not_know_has_no_board(
-    calibrated: tuple[Path, CheckerboardTarget, Rig],
+    calibrated: tuple[Path, Target, Rig],
 ) -> None:
     folder, board, rig = calibrated
     cloud = scan(read_capture(folder / POSES[0]), rig)
@@ -51,7 +51,7 @@ def test_a_view_that_the_rig_does_not_know_has_no_board(
 
 
 def test_a_rig_with_another_projector_is_refused(
-    calibrated: tuple[Path, CheckerboardTarget, Rig],
+    calibrated: tuple[Path, Target, Rig],
 ) -> None:
     folder, _, rig = calibrated
     other = replace(rig, projector=replace(rig.projector, width=1920, height=1080))

@@ -19,7 +19,7 @@ from fringeworks.geometry.forms import (
 )
 from fringeworks.measure.board import BoardPlane, BoardSpacing, corner_spacing, fit_board
 from fringeworks.measure.region import Region, select_points
-from fringeworks.model import Capture, CheckerboardTarget, Cloud, ProjectorMap, Rig
+from fringeworks.model import Capture, Cloud, ProjectorMap, Rig, Target
 from fringeworks.phase.decode import decode_capture
 from fringeworks.phase.demodulate import MaskRules
 from fringeworks.reconstruct.full import CloudRules, triangulate
@@ -76,18 +76,19 @@ def measure_cylinder(cloud: Cloud, region: Region | None = None) -> CylinderFit:
 
 
 def measure_board(
-    cloud: Cloud, rig: Rig, board: CheckerboardTarget, *, view: str
+    cloud: Cloud, rig: Rig, board: Target, *, view: str
 ) -> tuple[BoardSpacing, BoardPlane] | None:
     """A board's squares and plane on its cloud, where the rig was calibrated from `view`.
 
-    The corners' pixels are those of the calibration; None if it did not use that view.
+    The corners' pixels are those of the calibration; None if it did not use that view, or saw
+    a part of the board alone.
     """
     from fringeworks.calibrate.record import read_record  # a scan need not load what calibrates
 
     record = read_record(rig.further)
     views = () if record is None else record.views
     corners = next((entry.view.camera_px for entry in views if entry.name == view), None)
-    if corners is None:
+    if corners is None or len(corners) != board.corner_count:
         return None
     grid = {"columns": board.columns, "rows": board.rows}
     return corner_spacing(cloud, corners, **grid), fit_board(cloud, corners, **grid)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.calibrate import View
-from fringeworks.calibrate.bundle import RigState
+from fringeworks.calibrate.sites import Sites
+from fringeworks.calibrate.state import RigState
 from fringeworks.geometry.lens import project, unproject
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import CheckerboardTarget, Rig
@@ -38,26 +39,75 @@ def rig_state(poses: Array) -> RigState:
     return RigState(CAMERA, PROJECTOR, RELATION, poses)
 
 
+def on_board(pose: Array, bow: Array, board: Array) -> Array:
+    """Points of the board ``(n, 3)``, bowed by so many mm in x and y, in the camera's frame."""
+    span = BOARD.corners_mm().max(axis=0)[:2]
+    scaled = 2 * board[:, :2] / span - 1
+    raised = board + np.outer((scaled**2 - 1) @ bow, [0, 0, 1])
+    return np.asarray(raised @ rotation_matrix(pose[:3]).T + pose[3:])
+
+
+def read_maps(state: RigState, index: int, camera_px: Array) -> Array:
+    """``(n, 2)`` projector px that the board shows at camera pixels.
+
+    Where a ray meets a bowed board is iterated: cut the plane at the height of the last cut.
+    """
+    pose, relation = state.camera_from_board[index], state.projector_from_camera
+    rays = np.column_stack([unproject(camera_px, state.camera), np.ones(len(camera_px))])
+    turn = rotation_matrix(pose[:3])
+    span = BOARD.corners_mm().max(axis=0)[:2]
+    points, height = np.zeros_like(rays), np.zeros(len(rays))
+    for _ in range(20):
+        depth = (turn[:, 2] @ pose[3:] + height) / (rays @ turn[:, 2])
+        points = rays * depth[:, None]
+        at = (points - pose[3:]) @ turn
+        height = ((2 * at[:, :2] / span - 1) ** 2 - 1) @ state.board_shape
+    return project(points @ rotation_matrix(relation[:3]).T + relation[3:], state.projector)
+
+
+def dense_sites(state: RigState, *, sigma: float, rng: np.random.Generator) -> list[Sites]:
+    """Three sites across every square, one square beyond the corners too, in each pose."""
+    x, y = np.meshgrid(np.arange(-1, BOARD.columns, 1 / 3), np.arange(-1, BOARD.rows, 1 / 3))
+    pitch = np.array([BOARD.pitch_x_mm, BOARD.pitch_y_mm])
+    board = np.column_stack([np.column_stack([x.ravel(), y.ravel()]) * pitch, np.zeros(x.size)])
+    out = []
+    for index, pose in enumerate(state.camera_from_board):
+        places = project(on_board(pose, state.board_shape, board), state.camera)
+        maps = read_maps(state, index, places)
+        noisy = maps + rng.normal(0, sigma, maps.shape)
+        out.append(Sites(places, noisy, np.full_like(maps, sigma)))
+    return out
+
+
 def views_of(
-    state: RigState, *, sigma: float = 0.0, rng: np.random.Generator | None = None
+    state: RigState,
+    *,
+    sigma: float = 0.0,
+    site_sigma: float | None = None,
+    rng: np.random.Generator | None = None,
 ) -> list[View]:
-    """What both devices see of the board in each pose, with normal noise on every coordinate."""
+    """What both devices see of the board in each pose, with normal noise on every coordinate.
+
+    The maps are read at the camera's corners, wherever these err to, and add `site_sigma` of
+    their own, by default `sigma`.
+    """
     rng = rng or np.random.default_rng(0)
+    site_sigma = sigma if site_sigma is None else site_sigma
     spread = np.full((BOARD.corner_count, 2), max(sigma, 0.01))
-    relation = state.projector_from_camera
     views = []
     for index, pose in enumerate(state.camera_from_board):
-        in_camera = BOARD.corners_mm() @ rotation_matrix(pose[:3]).T + pose[3:]
-        in_projector = in_camera @ rotation_matrix(relation[:3]).T + relation[3:]
-        camera, projector = project(in_camera, state.camera), project(in_projector, state.projector)
+        in_camera = on_board(pose, state.board_shape, BOARD.corners_mm())
+        camera = project(in_camera, state.camera)
+        camera += rng.normal(0, sigma, camera.shape)
+        projector = read_maps(state, index, camera)
         views.append(
             View(
                 name=f"pose_{index}",
                 board_mm=BOARD.corners_mm(),
-                camera_px=camera + rng.normal(0, sigma, camera.shape),
-                projector_px=projector + rng.normal(0, sigma, projector.shape),
+                camera_px=camera,
+                projector_px=projector + rng.normal(0, site_sigma, projector.shape),
                 camera_sigma_px=spread,
-                projector_sigma_px=spread,
+                projector_sigma_px=np.full_like(spread, max(site_sigma, 0.01)),
                 reasons=("",) * BOARD.corner_count,
             )
         )

@@ -77,9 +77,13 @@ def test_quality_counts_and_root_mean_squares(rig: Rig) -> None:
     assert quality is not None
     assert (quality.views_used, quality.observations_used) == (5, 440)
     assert quality.observations_offered == 440
-    # 1760 coordinates less 48 parameters; the sampled rms of so many spreads by 2 %
-    expected = SIGMA * np.sqrt(2 * (1 - 48 / 1760))
-    assert quality.joint_rms_px == pytest.approx(expected, rel=0.08)
+    # 880 coordinates less 30 of poses and most of 18; the sampled rms of so many spreads by 2 %
+    expected = SIGMA * np.sqrt(2 * (1 - 48 / 880))
+    assert quality.camera_rms_px == pytest.approx(expected, rel=0.08)
+    # a corner's error moves the computed corner's distance in the projector by the ratio of the
+    # focal lengths, and the maps' own noise comes on top
+    squares = [1 + (PROJECTOR[axis] / CAMERA[axis]) ** 2 for axis in (0, 1)]
+    assert quality.projector_rms_px == pytest.approx(SIGMA * np.sqrt(sum(squares)), rel=0.08)
     joint = np.sqrt((quality.camera_rms_px**2 + quality.projector_rms_px**2) / 2)
     assert quality.joint_rms_px == pytest.approx(joint)
 

@@ -24,6 +24,11 @@ GOOD_OBLONG = 0.02
 LARGEST_OBLONG = 0.2
 LEAST_MOVE_PX = 0.5
 
+LARGEST_TOGETHER = 5.0
+"""Beyond it a board is not as flat as dense sites need. A flat one has 1.2 on the twin; the paper
+of procam-graycode 17 (half size 9), where dense sites make squares no better and planes worse:
+the corners of the worst pose left out lie 0.8 mm off one, with the corners' own sites 0.6."""
+
 Failed: TypeAlias = Sequence[tuple[str, str]]
 """Captures that gave no view: name and reason."""
 
@@ -53,14 +58,14 @@ def enough_views(views: Sequence[View], failed: Failed) -> None:
 
 def refuse_nonsense(fit: Fit, views: Sequence[View]) -> None:
     """Raise where the solution cannot be a rig, whatever its residuals look like."""
-    camera_rms, projector_rms, _ = rms_px(fit.residuals)
+    camera_rms, projector_rms, _ = rms_px(fit.corners)
     finite = np.isfinite(fit.state.vector).all()
     if not finite or not np.isfinite(camera_rms + projector_rms) or not fit.converged:
         raise CalibrationError(
             "the refinement did not settle: the views contradict each other or say too little "
             f"(camera {camera_rms:.2f} px, projector {projector_rms:.2f} px); {PROJECTOR_CAUSES}"
         )
-    per_view = [rms_px([part]) for part in fit.residuals]
+    per_view = [rms_px([part]) for part in fit.corners]
     if camera_rms > LARGEST_RMS_PX:
         worst = int(np.argmax([camera for camera, _, _ in per_view]))
         raise CalibrationError(
@@ -90,14 +95,27 @@ def _oblong(fit: Fit) -> float:
     return float(max(fx, fy) / min(fx, fy) - 1)
 
 
+def dense_misfit(fit: Fit) -> Finding | None:
+    """Why the dense sites of a fit had better not be used; None where they had."""
+    if fit.spread.together <= LARGEST_TOGETHER:
+        return None
+    return Finding(
+        "warning",
+        f"the decoded coordinates all over the board contradict its shape by {fit.spread.sites:.2f}"
+        " px of the projector, whole regions alike: those about its corners alone were used.",
+        "A board that is not flat is the commonest cause: mount it on something stiff, or solve "
+        "for its shape (board_shape paraboloid).",
+    )
+
+
 def findings(fit: Fit, views: Sequence[View], failed: Failed) -> list[Finding]:
     """What a user should read about a calibration that is none the less usable.
 
     Corners left out are told view by view instead, see `View.left_out`.
     """
     found = [Finding("warning", f"{name} was not used: {reason}") for name, reason in failed]
-    per_view = [rms_px([part])[2] for part in fit.residuals]
-    _, _, joint = rms_px(fit.residuals)
+    per_view = [rms_px([part])[2] for part in fit.corners]
+    _, _, joint = rms_px(fit.corners)
     if joint > GOOD_RMS_PX:
         worst = int(np.argmax(per_view))
         message = (

@@ -156,8 +156,8 @@ def _reweighted(design: Array, samples: _Samples, start: Array) -> tuple[Array, 
     sharpest = float(samples.weight.max())
     for _ in range(_ROUNDS):
         residuals = (samples.value - design @ solution) * samples.weight
-        scale = _scale(residuals)
-        weights = _tukey_weights(residuals, scale)
+        scale = robust_scale(residuals)
+        weights = tukey_weights(residuals, scale)
         weighted = design * (weights * samples.weight**2)[:, None]
         moved, *_ = np.linalg.lstsq(weighted.T @ design, weighted.T @ samples.value, rcond=None)
         step = float(np.abs(moved - solution).max())
@@ -167,11 +167,13 @@ def _reweighted(design: Array, samples: _Samples, start: Array) -> tuple[Array, 
     return solution, weights
 
 
-def _scale(residuals: Array) -> float:
+def robust_scale(residuals: Array) -> float:
+    """Standard deviation by the median absolute residual, never zero."""
     return max(MAD_TO_SIGMA * float(np.median(np.abs(residuals))), _SMALLEST_SCALE)
 
 
-def _tukey_weights(residuals: Array, scale: float) -> Array:
+def tukey_weights(residuals: Array, scale: float) -> Array:
+    """Tukey's biweight: one at zero, nothing beyond 4.7 scales."""
     ratio = residuals / (TUKEY * scale)
     weights: Array = np.where(np.abs(ratio) < 1, (1 - ratio**2) ** 2, 0.0)
     return weights
@@ -183,7 +185,7 @@ def _summarise(design: Array, samples: _Samples, result: tuple[Array, Array]) ->
     normal = weighted.T @ design
     if np.linalg.matrix_rank(normal) < len(normal):
         return NOTHING
-    scale = _scale((samples.value - design @ solution) * samples.weight)
+    scale = robust_scale((samples.value - design @ solution) * samples.weight)
     used = weights > 0
     centre = np.hypot(samples.x[used].mean(), samples.y[used].mean())
     return LocalFit(

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.corners import (
-    CORNER_SIGMA_PX,
-    board_images,
-    find_corners,
-    square_sizes,
-)
+from fringeworks.calibrate.corners import board_images, find_board, square_sizes
+from fringeworks.calibrate.dense import find_sites
+from fringeworks.calibrate.found import FoundCorners
 from fringeworks.calibrate.local_fit import LocalFit, fit_local
 from fringeworks.calibrate.settings import CalibrationSettings
+from fringeworks.calibrate.sites import Sites
 from fringeworks.errors import CalibrationError
 from fringeworks.geometry.pose import rotation_matrix
-from fringeworks.model import Capture, CheckerboardTarget, CodedAxis, ProjectorMap
+from fringeworks.model import Capture, CodedAxis, ProjectorMap, Target, corners_at
 
 Array = NDArray[np.float64]
 
@@ -47,7 +45,7 @@ class View:
     Attributes
     ----------
     board_mm
-        ``(n, 3)`` corners in the board's frame.
+        ``(n, 3)`` corners in the board's frame, at the capture's temperature.
     camera_px, projector_px
         ``(n, 2)``; `projector_px` is NaN where nothing could be fitted.
     camera_sigma_px, projector_sigma_px
@@ -56,6 +54,8 @@ class View:
         One per corner: why it is left out, empty where it is kept.
     image
         Which image the corners were found in.
+    dense
+        Sites all over the board's bright parts; None where the maps were not asked.
     """
 
     name: str
@@ -66,6 +66,18 @@ class View:
     projector_sigma_px: Array
     reasons: tuple[str, ...]
     image: str = "white frame"
+    dense: Sites | None = None
+
+    @property
+    def corner_sites(self) -> Sites:
+        """The kept corners' own places: what the maps say there does not depend on the board."""
+        parts = (self.camera_px, self.projector_px, self.projector_sigma_px)
+        return Sites(*parts).only(self.kept)
+
+    @property
+    def sites(self) -> Sites:
+        """Dense where there are any; the corners' are made of the same pixels."""
+        return self.corner_sites if self.dense is None else self.dense
 
     @property
     def kept(self) -> NDArray[np.bool_]:
@@ -99,14 +111,16 @@ class View:
 def observe_board(
     capture: Capture,
     projector_map: ProjectorMap,
-    board: CheckerboardTarget,
+    board: Target,
     *,
     settings: CalibrationSettings | None = None,
 ) -> View:
     """Find the board in a capture and read its corners' projector coordinates.
 
     Each coordinate comes from a robust quadratic fit of the decoded map in a round window about
-    the corner, `settings.window_squares` local squares in radius, weighted by 1 / sigma^2.
+    the corner, `settings.window_squares` local squares in radius, weighted by 1 / sigma^2. Of a
+    ChArUco board only the corners that are seen take part. Where the board's expansion and both
+    temperatures are known, its corners are where the warmth has moved them.
 
     Raises
     ------
@@ -116,24 +130,28 @@ def observe_board(
     """
     settings = settings or CalibrationSettings()
     column, row = _both_axes(capture.name, projector_map)
-    image, corners = _locate(capture, projector_map, board)
-    radii = settings.window_squares * square_sizes(corners, board)
+    image, found = _locate(capture, projector_map, board)
+    squares = square_sizes(found.on_board(board), board)[found.index]
+    squares = np.where(np.isfinite(squares), squares, np.nanmin(squares))  # one seen by itself
     fits = [
         (_fit(column, at, radius), _fit(row, at, radius))
-        for at, radius in zip(corners, radii, strict=True)
+        for at, radius in zip(found.pixels, settings.window_squares * squares, strict=True)
     ]
     view = View(
         name=capture.name,
-        board_mm=board.corners_mm(),
-        camera_px=corners,
+        board_mm=corners_at(board, capture.sensor.temperature_c)[found.index],
+        camera_px=found.pixels,
         projector_px=np.array([[fit.value for fit in pair] for pair in fits]),
-        camera_sigma_px=np.full((len(corners), 2), CORNER_SIGMA_PX),
+        camera_sigma_px=found.sigma,
         projector_sigma_px=np.array([[fit.sigma for fit in pair] for pair in fits]),
         reasons=tuple(_judge(pair) for pair in fits),
         image=image,
     )
     _refuse_bad(view, projector_map)
-    return view
+    if not settings.dense:
+        return view
+    places = found.pixels[view.kept], view.projector_px[view.kept]
+    return replace(view, dense=find_sites(projector_map, places, float(squares.min())))
 
 
 def _both_axes(name: str, projector_map: ProjectorMap) -> tuple[CodedAxis, CodedAxis]:
@@ -148,13 +166,13 @@ def _both_axes(name: str, projector_map: ProjectorMap) -> tuple[CodedAxis, Coded
 
 
 def _locate(
-    capture: Capture, projector_map: ProjectorMap, board: CheckerboardTarget
-) -> tuple[str, Array]:
+    capture: Capture, projector_map: ProjectorMap, board: Target
+) -> tuple[str, FoundCorners]:
     """The first image with the board, and its corners; the first image's reason if none has it."""
     reason = None
     for name, image in board_images(capture, projector_map):
         try:
-            return name, find_corners(image, board)
+            return name, find_board(image, board)
         except CalibrationError as error:
             reason = reason or f"{capture.name}: {error} (looked at the {name} first)"
     raise CalibrationError(reason or f"{capture.name}: no image to look for the board in")

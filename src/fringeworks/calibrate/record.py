@@ -17,9 +17,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from fringeworks.calibrate.bundle import Fit, all_residuals, rms_px
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.settings import CalibrationSettings
+from fringeworks.calibrate.sites import Sites
+from fringeworks.calibrate.state import SHAPE_NAMES
 from fringeworks.errors import FormatError
 from fringeworks.geometry.pose import rotation_matrix
-from fringeworks.model import CheckerboardTarget, Finding, Pose
+from fringeworks.model import Finding, Pose, Target, kind_of
 
 Array = NDArray[np.float64]
 
@@ -84,7 +86,7 @@ def make_record(
     fit: Fit,
     views: Sequence[View],
     *,
-    board: CheckerboardTarget,
+    board: Target,
     settings: CalibrationSettings,
     failed: Sequence[tuple[str, str]],
     findings: Sequence[Finding],
@@ -98,9 +100,10 @@ def make_record(
     residuals = all_residuals(fit.state, views)
     camera_rms, projector_rms, joint_rms = rms_px(residuals)
     return {
-        "board": {"kind": "checkerboard", **asdict(board)},
+        "board": {"kind": kind_of(board), **asdict(board)},
         "settings": asdict(settings),
-        "sigma_px": {"camera": fit.sigma_px[0], "projector": fit.sigma_px[1]},
+        "sigma_px": asdict(fit.spread),
+        "board_shape": dict(zip(SHAPE_NAMES, fit.state.board_shape.tolist(), strict=True)),
         "rms_of_all_px": {"camera": camera_rms, "projector": projector_rms, "joint": joint_rms},
         "failed_captures": [{"name": name, "reason": reason} for name, reason in failed],
         "findings": [asdict(finding) for finding in findings],
@@ -131,9 +134,15 @@ def _view_record(view: View, pose: Array, residuals: Array) -> dict[str, Any]:
         "projector_px": _plain(view.projector_px),
         "camera_sigma_px": _plain(view.camera_sigma_px),
         "projector_sigma_px": _plain(view.projector_sigma_px),
+        "dense": None if view.dense is None else _plain_sites(view.dense),
         "camera_residual_px": _plain(residuals[:, :2]),
         "projector_residual_px": _plain(residuals[:, 2:]),
     }
+
+
+def _plain_sites(sites: Sites) -> dict[str, list[list[float]]]:
+    """Rounded to a thousandth of what a site can tell: there are thousands of them."""
+    return {key: np.round(values, 5).tolist() for key, values in asdict(sites).items()}
 
 
 def _plain(values: Array) -> list[list[float | None]]:
@@ -152,6 +161,12 @@ class _PoseTable(_Table):
     translation_mm: Triple
 
 
+class _SitesTable(_Table):
+    camera_px: list[tuple[float, float]]
+    projector_px: list[tuple[float, float]]
+    sigma_px: list[tuple[float, float]]
+
+
 class _ViewTable(_Table):
     name: str
     image: str
@@ -164,6 +179,7 @@ class _ViewTable(_Table):
     projector_px: list[Pair]
     camera_sigma_px: list[Pair]
     projector_sigma_px: list[Pair]
+    dense: _SitesTable | None = None
     camera_residual_px: list[Pair]
     projector_residual_px: list[Pair]
 
@@ -213,6 +229,16 @@ def read_record(further: Mapping[str, Any]) -> CalibrationRecord | None:
     )
 
 
+def _read_sites(table: _SitesTable, index: int) -> Sites:
+    parts = [np.array(values) for values in (table.camera_px, table.projector_px, table.sigma_px)]
+    if not len(parts[0]) == len(parts[1]) == len(parts[2]) > 0:
+        raise FormatError(
+            f"the rig's record of its calibration is damaged: {KEY}.views.{index}.dense must have "
+            f"as many projector_px and sigma_px as camera_px, and at least one"
+        )
+    return Sites(*parts)
+
+
 def _read_view(table: _ViewTable, index: int) -> ViewRecord:
     count = len(table.reasons)
 
@@ -237,6 +263,7 @@ def _read_view(table: _ViewTable, index: int) -> ViewRecord:
             projector_sigma_px=array("projector_sigma_px"),
             reasons=tuple(table.reasons),
             image=table.image,
+            dense=None if table.dense is None else _read_sites(table.dense, index),
         ),
         camera_from_board=Pose(np.array(pose.rotation), np.array(pose.translation_mm)),
         camera_rms_px=table.camera_rms_px,

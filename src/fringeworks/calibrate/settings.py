@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
 
 from fringeworks.errors import UsageError
 from fringeworks.geometry.lens import LENS_NAMES
 
+BoardModel: TypeAlias = Literal["flat", "paraboloid"]
 LENS_DEFAULT = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
 
 
@@ -22,7 +24,8 @@ class ImageSize:
 class CalibrationSettings:
     """What is solved for, and how.
 
-    The defaults stand on the four poses of the real capture procam-graycode and its copy of half
+    The defaults were chosen when corners alone were used, and their figures are from then. They
+    stand on the four poses of the real capture procam-graycode and its copy of half
     the size (leave one pose out, calibrate from the other three, measure the squares, 75 mm, of
     the fourth), and on rendered captures of lenses with decentring. On the former k1 and k2 alone
     give squares within 0.04 mm (half size: 0.05), p1 and p2 set free 0.11 mm (0.18), held
@@ -47,6 +50,10 @@ class CalibrationSettings:
     decentring_sigma
         p1 and p2 are zero to within this standard deviation before any view is looked at. Few
         views hardly tell them from the principal point; many do, and this hardly holds them.
+    board_shape
+        Of all views: a plane, or a paraboloid whose two heights are solved for too.
+    dense
+        Whether the decoded maps are read all over the board, or about its corners alone.
     """
 
     camera_free: tuple[str, ...] = LENS_DEFAULT
@@ -56,6 +63,8 @@ class CalibrationSettings:
     trim_share: float = 0.02
     trim_sigmas: float = 6.0
     decentring_sigma: float = 5e-4
+    board_shape: BoardModel = "flat"
+    dense: bool = True
 
     def __post_init__(self) -> None:
         unknown = {*self.camera_free, *self.projector_free} - set(LENS_NAMES)
@@ -69,5 +78,10 @@ class CalibrationSettings:
         for name in ("huber", "trim_sigmas", "decentring_sigma"):
             if not getattr(self, name) > 0:
                 raise UsageError(f"{name} must be above 0, got {getattr(self, name):g}")
+        if self.board_shape not in get_args(BoardModel):
+            raise UsageError(
+                f"board_shape must be one of {', '.join(get_args(BoardModel))}, "
+                f"got {self.board_shape}"
+            )
         if not 0 <= self.trim_share < 0.5:
             raise UsageError(f"trim_share must be in [0, 0.5), got {self.trim_share:g}")

@@ -1,41 +1,53 @@
 """From views, or from captures one at a time, to a rig that has been looked at before it is given.
 
-Order: start, refine, leave out the worst corners (few, counted, each with its reason), refine
-again, refuse what cannot be right.
+Order: start, refine by the corners, leave out the worst corners, then views (few, counted, each
+with its reason), refine with the dense sites, leave out the worst of those, refine again. What
+cannot be right is refused at every step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.bundle import Fit, RigState, refine, rms_px
+from fringeworks.calibrate.bundle import Fit, refine, rms_px
 from fringeworks.calibrate.checks import (
     GOOD_RMS_PX,
     LEAST_VIEWS,
     Failed,
+    dense_misfit,
     enough_views,
     findings,
     refuse_nonsense,
 )
+from fringeworks.calibrate.covariance import KEY as COVARIANCE_KEY
 from fringeworks.calibrate.observe import View, observe_board
 from fringeworks.calibrate.record import KEY, make_record
 from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
 from fringeworks.calibrate.start import start_state
+from fringeworks.calibrate.state import RigState
+from fringeworks.calibrate.trim import (
+    LARGEST_SHARE_OF_VIEWS,
+    leave_out_corners,
+    leave_out_sites,
+    worst_view,
+)
 from fringeworks.errors import CalibrationError, DecodeError, FormatError
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import (
     Camera,
     Capture,
-    CheckerboardTarget,
+    Finding,
     Lens,
     Pose,
     Projector,
     Quality,
     Rig,
+    Target,
 )
 from fringeworks.phase.decode import decode_capture
 
@@ -44,7 +56,7 @@ Array = NDArray[np.float64]
 
 def calibrate_captures(
     captures: Iterable[Capture],
-    board: CheckerboardTarget,
+    board: Target,
     *,
     settings: CalibrationSettings | None = None,
 ) -> Rig:
@@ -94,7 +106,7 @@ def calibrate_captures(
 
 def calibrate_rig(
     views: Sequence[View],
-    board: CheckerboardTarget,
+    board: Target,
     *,
     camera_size: ImageSize,
     projector_size: ImageSize,
@@ -124,20 +136,18 @@ def calibrate_rig(
     settings = settings or CalibrationSettings()
     enough_views(views, failed)
     try:
-        fit = _first_fit(views, camera_size, settings)
+        fit = _first_fit(_corners_only(views), camera_size, settings)
     except CalibrationError as error:
         raise CalibrationError(f"{error}{_blame(views, camera_size, settings)}") from error
-    trimmed = leave_out_worst(fit, views, settings)
-    if trimmed is not views:
-        views, fit = trimmed, refine(fit.state, trimmed, settings)
-        refuse_nonsense(fit, views)
+    fit, views, failed = _without_contradictions(fit, views, (settings, failed))
+    fit, views, found = _with_dense_sites(fit, views, settings)
     record = make_record(
         fit,
         views,
         board=board,
         settings=settings,
         failed=failed,
-        findings=findings(fit, views, failed),
+        findings=[*findings(fit, views, failed), *found],
     )
     offered = sum(len(view.reasons) for view in views) + len(failed) * board.corner_count
     state = fit.state
@@ -149,15 +159,68 @@ def calibrate_rig(
         projector_from_camera=_pose(state.projector_from_camera),
         volume_mm=_depth_range(state, views),
         quality=_quality(fit, offered),
-        further={KEY: record},
+        further=_further(fit, record),
     )
+
+
+def _corners_only(views: Sequence[View]) -> list[View]:
+    return [replace(view, dense=None) for view in views]
+
+
+def _without_contradictions(
+    fit: Fit, views: Sequence[View], choices: tuple[CalibrationSettings, Failed]
+) -> tuple[Fit, Sequence[View], Failed]:
+    """Solved again without the worst corners, then without each view that still contradicts."""
+    settings, failed = choices
+    trimmed = leave_out_corners(fit, views, settings)
+    if trimmed is not views:
+        views, fit = trimmed, _again(fit.state, _corners_only(trimmed), settings)
+    for _ in range(int(LARGEST_SHARE_OF_VIEWS * len(views))):
+        found = worst_view(fit, views)
+        if found is None or len(views) == LEAST_VIEWS:
+            break
+        index, reason = found
+        failed = [*failed, (views[index].name, reason)]
+        views = [*views[:index], *views[index + 1 :]]
+        poses = np.delete(fit.state.camera_from_board, index, axis=0)
+        start = replace(fit.state, camera_from_board=poses)
+        fit = _again(start, _corners_only(views), settings)
+    return fit, views, failed
+
+
+def _with_dense_sites(
+    fit: Fit, views: Sequence[View], settings: CalibrationSettings
+) -> tuple[Fit, Sequence[View], list[Finding]]:
+    """Solved again with the dense sites, where there are any, and without the worst of those.
+
+    With the corners' own alone, and a finding, where the board is not flat enough for them.
+    """
+    if all(view.dense is None for view in views):
+        return fit, views, []
+    dense = _again(fit.state, views, settings)
+    trimmed = leave_out_sites(dense, views)
+    dense = _again(dense.state, trimmed, settings)
+    misfit = dense_misfit(dense)
+    if misfit is None:
+        return dense, trimmed, []
+    return fit, _corners_only(views), [misfit]
+
+
+def _again(start: RigState, views: Sequence[View], settings: CalibrationSettings) -> Fit:
+    fit = refine(start, views, settings)
+    refuse_nonsense(fit, views)
+    return fit
+
+
+def _further(fit: Fit, record: dict[str, Any]) -> dict[str, Any]:
+    if fit.covariance is None:
+        return {KEY: record}
+    return {KEY: record, COVARIANCE_KEY: fit.covariance.as_plain()}
 
 
 def _first_fit(views: Sequence[View], camera_size: ImageSize, settings: CalibrationSettings) -> Fit:
     """A refined fit that is no nonsense, else `CalibrationError`."""
-    fit = refine(start_state(views, camera_size), views, settings)
-    refuse_nonsense(fit, views)
-    return fit
+    return _again(start_state(views, camera_size), views, settings)
 
 
 def _blame(views: Sequence[View], camera_size: ImageSize, settings: CalibrationSettings) -> str:
@@ -169,9 +232,9 @@ def _blame(views: Sequence[View], camera_size: ImageSize, settings: CalibrationS
         return ""
     better = {}
     for index, view in enumerate(views):
-        others = [*views[:index], *views[index + 1 :]]
+        others = _corners_only([*views[:index], *views[index + 1 :]])
         try:
-            better[view.name] = rms_px(_first_fit(others, camera_size, settings).residuals)[2]
+            better[view.name] = rms_px(_first_fit(others, camera_size, settings).corners)[2]
         except CalibrationError:
             continue
     name = min(better, key=lambda key: better[key], default="")
@@ -180,37 +243,7 @@ def _blame(views: Sequence[View], camera_size: ImageSize, settings: CalibrationS
     return f". Without {name} the others fit to {better[name]:.2f} px: look at that capture first"
 
 
-def leave_out_worst(
-    fit: Fit, views: Sequence[View], settings: CalibrationSettings
-) -> Sequence[View]:
-    """The views with their worst corners left out: see `CalibrationSettings.trim_share`.
-
-    A corner's badness is its distance in either device over that device's standard deviation.
-    The same views are returned if there is nothing to leave out.
-    """
-    badness = [
-        np.maximum(
-            np.hypot(part[:, 0], part[:, 1]) / fit.sigma_px[0],
-            np.hypot(part[:, 2], part[:, 3]) / fit.sigma_px[1],
-        )
-        for part in fit.residuals
-    ]
-    ranked = np.sort(np.concatenate(badness))[::-1]
-    allowed = int(settings.trim_share * sum(len(view.reasons) for view in views))
-    worst = ranked[:allowed][ranked[:allowed] > settings.trim_sigmas]
-    if not len(worst):
-        return views
-    return [_without(view, part >= worst[-1]) for view, part in zip(views, badness, strict=True)]
-
-
-def _without(view: View, bad: NDArray[np.bool_]) -> View:
-    """The view without those of its kept corners that are bad."""
-    reasons = np.array(view.reasons, dtype=object)
-    reasons[np.flatnonzero(view.kept)[bad]] = "does not fit the other corners"
-    return replace(view, reasons=tuple(str(reason) for reason in reasons))
-
-
-def _observe(capture: Capture, board: CheckerboardTarget, settings: CalibrationSettings) -> View:
+def _observe(capture: Capture, board: Target, settings: CalibrationSettings) -> View:
     capture = capture.select()
     return observe_board(capture, decode_capture(capture), board, settings=settings)
 
@@ -248,12 +281,12 @@ def _depth_range(state: RigState, views: Sequence[View]) -> tuple[float, float]:
 
 def _quality(fit: Fit, offered: int) -> Quality:
     """Root mean squares over all kept corners; one corner in one view is one observation."""
-    camera, projector, joint = rms_px(fit.residuals)
+    camera, projector, joint = rms_px(fit.corners)
     return Quality(
         camera_rms_px=camera,
         projector_rms_px=projector,
         joint_rms_px=joint,
-        views_used=len(fit.residuals),
-        observations_used=sum(len(part) for part in fit.residuals),
+        views_used=len(fit.corners),
+        observations_used=sum(len(part) for part in fit.corners),
         observations_offered=offered,
     )

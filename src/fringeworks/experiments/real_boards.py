@@ -10,7 +10,7 @@ from fringeworks.calibrate import calibrate_captures
 from fringeworks.calibrate.record import read_record
 from fringeworks.files import data_folder, read_board, read_capture, write_cloud, write_rig
 from fringeworks.measure.board import BoardPlane, BoardSpacing
-from fringeworks.model import Capture, CheckerboardTarget, Cloud, Rig
+from fringeworks.model import Capture, Cloud, Rig, Target
 from fringeworks.model.progress import Progress
 from fringeworks.phase.decode import Decoding, decode_phases
 from fringeworks.pipeline import cloud_of, measure_board
@@ -51,7 +51,7 @@ class RealLine:
     chosen: RealSet
     path: Path
     rig: Rig
-    board: CheckerboardTarget
+    board: Target
     first: ScannedBoard | None
     boards: tuple[tuple[str, BoardSpacing, BoardPlane], ...]
 
@@ -86,9 +86,7 @@ def run_real_line(
     return RealLine(chosen, path, rig, board, first, tuple(boards))
 
 
-def scan_boards(
-    poses: Iterable[Path], rig: Rig, board: CheckerboardTarget
-) -> Iterator[ScannedBoard]:
+def scan_boards(poses: Iterable[Path], rig: Rig, board: Target) -> Iterator[ScannedBoard]:
     """Each pose that the calibration used, read, decoded, triangulated and measured."""
     for pose in poses:
         capture = read_capture(pose)

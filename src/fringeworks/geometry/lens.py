@@ -80,3 +80,26 @@ def project_jacobian(points: Array, lens: Array) -> tuple[Array, Array, Array]:
     by_lens = np.stack([np.stack(across, axis=-1), np.stack(down, axis=-1)], axis=1)
     pixels = np.stack([fx * xd + cx, fy * yd + cy], axis=-1)
     return pixels, by_point, by_lens
+
+
+def unproject_jacobian(pixels: Array, lens: Array) -> tuple[Array, Array]:
+    """`unproject` of pixels ``(n, 2)`` with its derivative ``(n, 2, 9)`` by the lens.
+
+    The distortion of the ideal point is the pixel whatever the lens, so that the point moves by
+    ``-(dF / d ideal)^-1 dF / d lens``, F being the projection at depth one. NaN as `unproject`.
+    """
+    ideal = unproject(pixels, lens)
+    rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1)
+    _, by_point, by_lens = project_jacobian(rays, lens)
+    return ideal, -solve_pairs(by_point[:, :, :2], by_lens)
+
+
+def solve_pairs(matrices: Array, values: Array) -> Array:
+    """``(n, 2, k)`` solutions of n systems ``(n, 2, 2)``; not finite where one is singular."""
+    (a, b), (c, d) = np.moveaxis(matrices, 0, -1)
+    above, below = values[:, 0], values[:, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = (1 / (a * d - b * c))[:, None]
+        first = (d[:, None] * above - b[:, None] * below) * inverse
+        second = (a[:, None] * below - c[:, None] * above) * inverse
+    return np.stack([first, second], axis=1)

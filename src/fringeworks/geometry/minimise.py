@@ -38,10 +38,14 @@ _HARDLY_ANY = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Minimum:
-    """Where the loss is least, as far as it `converged`: parameters ``(n,)``."""
+    """Where the loss is least, as far as it `converged`: parameters ``(n,)``.
+
+    `normal` ``(n, n)`` is the matrix whose inverse is their covariance.
+    """
 
     parameters: Array
     converged: bool
+    normal: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +72,7 @@ def minimise(
     damping, growth = _FIRST_DAMPING, 2.0
     for _ in range(steps):
         if growth == 2.0 and _settled(point):
-            return Minimum(point.parameters, converged=True)
+            return Minimum(point.parameters, True, point.normal)
         step = _damped_step(point, damping)
         expected = -float(step @ point.gradient) - 0.5 * float(step @ point.normal @ step)
         trial = _evaluate(model, point.parameters + step, huber)
@@ -79,8 +83,8 @@ def minimise(
         else:  # not a number counts as worse
             damping, growth = damping * growth, growth * 2
             if damping > _MOST_DAMPING:
-                return Minimum(point.parameters, converged=_drop(point) < _HIDDEN_DROP)
-    return Minimum(point.parameters, converged=False)
+                return Minimum(point.parameters, _drop(point) < _HIDDEN_DROP, point.normal)
+    return Minimum(point.parameters, False, point.normal)
 
 
 def _settled(point: _Point) -> bool:

@@ -59,3 +59,13 @@ def rotate_jacobian(vector: Array, points: Array) -> tuple[Array, Array]:
     """``exp(w) X`` of points ``(n, 3)`` and its derivative ``(n, 3, 3)`` by the rotation vector."""
     rotated = points @ rotation_matrix(vector).T
     return rotated, -skew(rotated) @ left_jacobian(vector)
+
+
+def move_jacobian(pose: Array, points: Array) -> tuple[Array, Array]:
+    """Points ``(n, 3)`` moved by a pose ``(6,)``, and the derivative ``(n, 3, 6)`` by it.
+
+    A pose as a vector is its rotation vector, rad, and its translation, mm.
+    """
+    rotated, by_rotation = rotate_jacobian(pose[:3], points)
+    by_translation = np.broadcast_to(np.eye(3), (len(points), 3, 3))
+    return rotated + pose[3:], np.concatenate([by_rotation, by_translation], axis=2)
