@@ -11,14 +11,17 @@ from typer.core import TyperGroup
 from fringeworks import __version__
 from fringeworks.cli.acquire import acquire
 from fringeworks.cli.bench import bench
+from fringeworks.cli.board import board
 from fringeworks.cli.calibrate import calibrate
 from fringeworks.cli.decode import decode
 from fringeworks.cli.demo import demo
+from fringeworks.cli.exchange import export_rig, import_rig
 from fringeworks.cli.measure import measure
 from fringeworks.cli.output import print_error
 from fringeworks.cli.patterns import patterns
 from fringeworks.cli.scan import scan
 from fringeworks.cli.twin import twin
+from fringeworks.cli.verify import verify
 from fringeworks.errors import FringeworksError
 
 INTERRUPTED = 130
@@ -28,7 +31,11 @@ ALONG_THE_LINE = (
     "patterns",
     "acquire",
     "twin",
+    "board",
     "calibrate",
+    "verify",
+    "import",
+    "export",
     "decode",
     "scan",
     "measure",
@@ -86,8 +93,8 @@ def fringeworks(
     """3D measurement by fringe projection: patterns, calibration, decoding, clouds, numbers."""
 
 
-def _add(verb: Callable[..., None], *, short: str, example: str) -> None:
-    app.command(short_help=short, epilog=f"Example: fringeworks {example}")(verb)
+def _add(verb: Callable[..., None], *, short: str, example: str, name: str | None = None) -> None:
+    app.command(name, short_help=short, epilog=f"Example: fringeworks {example}")(verb)
 
 
 _add(
@@ -106,9 +113,31 @@ _add(
     example="twin cylinder --rig paper --preset paper --out capture/",
 )
 _add(
+    board,
+    short="A target to print, and its board.toml.",
+    example="board checkerboard --columns 11 --rows 8 --square-mm 20 --out board.pdf",
+)
+_add(
     calibrate,
     short="From captures of a board to a rig.",
     example="calibrate captures/ --board board.toml --out rig.json --figures figures/",
+)
+_add(
+    verify,
+    short="Does a rig still hold: one new capture of a board.",
+    example="verify capture/ --rig rig.json --board board.toml",
+)
+_add(
+    import_rig,
+    name="import",  # a word of the language
+    short="A rig from OpenCV, SLStudio or MATLAB.",
+    example="import calibration.yml --out rig.json --camera 1280x1024 --projector 1920x1080",
+)
+_add(
+    export_rig,
+    name="export",
+    short="A rig for OpenCV, MATLAB or ROS.",
+    example="export rig.json --to opencv --out calibration.yml",
 )
 _add(
     decode,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fringeworks.cli.arguments import refuse_planned, require_built
+from fringeworks.cli.arguments import require_built
 from fringeworks.cli.output import JsonFlag, Output, Progress, print_note
 from fringeworks.errors import UsageError
 
@@ -30,10 +30,17 @@ def calibrate(
         Path | None,
         typer.Option("--figures", metavar="DIR", help="Draw residuals and poses into this folder."),
     ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            "--report",
+            metavar="FILE.html",
+            help="Write a page: findings, residuals, uncertainty in mm, halves of the views.",
+        ),
+    ] = None,
     as_json: JsonFlag = False,
     model: Annotated[str, typer.Option("--model", hidden=True)] = "joint",
     extended: Annotated[str, typer.Option("--extended", hidden=True)] = "none",
-    report: Annotated[str | None, typer.Option(hidden=True, callback=refuse_planned)] = None,
 ) -> None:
     """Calibrate camera and projector together from captures of a board in several poses.
 
@@ -46,6 +53,8 @@ def calibrate(
     folders = find_captures(captures)
     if out.suffix.lower() != ".json":
         raise UsageError(f"--out must be a .json file, got '{out}'")
+    if report is not None and report.suffix.lower() != ".html":
+        raise UsageError(f"--report must be a .html file, got '{report}'")
     from fringeworks.calibrate import calibrate_captures
     from fringeworks.files import read_board, write_rig
 
@@ -61,7 +70,24 @@ def calibrate(
     summary = describe_rig(output, rig)
     output.written([out])
     output.written(drawn)
-    output.result({"out": out, **summary, "figures": drawn})
+    if report is not None:
+        summary["judged"] = write_report(output, rig, report)
+    output.result({"out": out, **summary, "figures": drawn, "report": report})
+
+
+def write_report(output: Output, rig: Rig, path: Path) -> dict[str, Any]:
+    """Write the page about a rig, print what it found beyond the record; returns its numbers."""
+    from fringeworks.report.calibration_page import make_calibration_page
+    from fringeworks.report.judgement import judge_calibration, summarise_judged
+    from fringeworks.report.page import write_page
+
+    judged = judge_calibration(rig)
+    for finding in judged.findings[len(judged.record.findings) :]:
+        print_note(str(finding))
+    write_page(path, make_calibration_page(judged))
+    output.written([path])
+    plain = summarise_judged(judged)
+    return {key: plain[key] for key in ("sigma", "systematic", "halves", "left_out")}
 
 
 def find_captures(paths: Sequence[Path]) -> list[Path]:

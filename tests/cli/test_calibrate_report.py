@@ -1,0 +1,69 @@
+"""``calibrate --report``: a page beside the rig."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fringeworks.calibrate
+from fringeworks.calibrate import ImageSize, calibrate_rig
+from fringeworks.files import write_board
+from fringeworks.model import CheckerboardTarget, Rig
+from tests.calibrate.synthetic import BOARD, board_poses, rig_state, views_of
+from tests.cli.scenes import plain, run
+
+
+@pytest.fixture
+def arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path | str]:
+    """A calibration whose captures are none: their views are made up."""
+    truth = rig_state(board_poses(6, rng=np.random.default_rng(4)))
+    views = views_of(truth, sigma=0.03, rng=np.random.default_rng(5))
+
+    def calibrate_captures(captures: Any, board: CheckerboardTarget) -> Rig:
+        return calibrate_rig(
+            views, board, camera_size=ImageSize(752, 480), projector_size=ImageSize(608, 684)
+        )
+
+    monkeypatch.setattr(fringeworks.calibrate, "calibrate_captures", calibrate_captures)
+    write_board(tmp_path / "board.toml", BOARD)
+    pose = tmp_path / "pose"
+    pose.mkdir()
+    (pose / "capture.toml").touch()
+    return ["calibrate", pose, "--board", tmp_path / "board.toml", "--out", tmp_path / "rig.json"]
+
+
+def test_a_page_is_written(arguments: list[Path | str], tmp_path: Path) -> None:
+    done = run(*arguments, "--report", tmp_path / "report.html")
+    assert done.exit_code == 0, done.stderr
+    assert f"wrote {tmp_path / 'report.html'}" in plain(done.stdout)
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert text.index("What to look at") < text.index("Two halves of the views")
+    assert (tmp_path / "rig.json").exists()
+
+
+def test_json_has_its_numbers(arguments: list[Path | str], tmp_path: Path) -> None:
+    done = run(*arguments, "--report", tmp_path / "report.html", "--json")
+    said = json.loads(done.stdout)
+    assert said["report"] == (tmp_path / "report.html").as_posix()
+    assert said["judged"]["halves"]["ratio"] > 0
+    assert said["judged"]["sigma"]["camera.fx"] > 0
+
+
+def test_without_it_nothing_is_said(arguments: list[Path | str], tmp_path: Path) -> None:
+    said = json.loads(run(*arguments, "--json").stdout)
+    assert said["report"] is None
+    assert "judged" not in said
+    assert not list(tmp_path.glob("*.html"))
+
+
+def test_another_kind_of_file_is_refused_before_any_work(
+    arguments: list[Path | str], tmp_path: Path
+) -> None:
+    done = run(*arguments, "--report", tmp_path / "report.pdf")
+    assert done.exit_code == 2
+    assert "--report must be a .html file" in done.stderr
+    assert not (tmp_path / "rig.json").exists()
