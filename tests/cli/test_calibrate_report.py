@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fringeworks.calibrate
-from fringeworks.calibrate import ImageSize, calibrate_rig
+from fringeworks.calibrate import CalibrationSettings, ImageSize, calibrate_rig
 from fringeworks.files import write_board
 from fringeworks.model import CheckerboardTarget, Rig
 from tests.calibrate.synthetic import BOARD, board_poses, rig_state, views_of
@@ -23,9 +23,12 @@ def arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path | st
     truth = rig_state(board_poses(6, rng=np.random.default_rng(4)))
     views = views_of(truth, sigma=0.03, rng=np.random.default_rng(5))
 
-    def calibrate_captures(captures: Any, board: CheckerboardTarget) -> Rig:
+    def calibrate_captures(
+        captures: Any, board: CheckerboardTarget, *, settings: CalibrationSettings
+    ) -> Rig:
+        camera, projector = ImageSize(752, 480), ImageSize(608, 684)
         return calibrate_rig(
-            views, board, camera_size=ImageSize(752, 480), projector_size=ImageSize(608, 684)
+            views, board, camera_size=camera, projector_size=projector, settings=settings
         )
 
     monkeypatch.setattr(fringeworks.calibrate, "calibrate_captures", calibrate_captures)
@@ -67,3 +70,14 @@ def test_another_kind_of_file_is_refused_before_any_work(
     assert done.exit_code == 2
     assert "--report must be a .html file" in done.stderr
     assert not (tmp_path / "rig.json").exists()
+
+
+def test_the_boards_shape_is_a_choice(arguments: list[Path | str], tmp_path: Path) -> None:
+    shapes = {}
+    for shape in ("flat", "paraboloid"):
+        assert run(*arguments, "--board-shape", shape).exit_code == 0
+        rig = json.loads((tmp_path / "rig.json").read_text())
+        assert rig["calibration"]["settings"]["board_shape"] == shape
+        shapes[shape] = [name for name in rig["covariance"]["names"] if name.startswith("board.")]
+    assert shapes["flat"] == []
+    assert len(shapes["paraboloid"]) == 2

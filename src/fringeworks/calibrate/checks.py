@@ -104,7 +104,7 @@ def dense_misfit(fit: Fit) -> Finding | None:
         f"the decoded coordinates all over the board contradict its shape by {fit.spread.sites:.2f}"
         " px of the projector, whole regions alike: those about its corners alone were used.",
         "A board that is not flat is the commonest cause: mount it on something stiff, or solve "
-        "for its shape (board_shape paraboloid).",
+        "for its shape (--board-shape paraboloid).",
     )
 
 

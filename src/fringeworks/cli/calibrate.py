@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -15,6 +15,9 @@ from fringeworks.errors import UsageError
 
 if TYPE_CHECKING:
     from fringeworks.model import Capture, Rig
+
+
+BoardShape = Literal["flat", "paraboloid"]
 
 
 def calibrate(
@@ -38,6 +41,12 @@ def calibrate(
             help="Write a page: findings, residuals, uncertainty in mm, halves of the views.",
         ),
     ] = None,
+    board_shape: Annotated[
+        BoardShape,
+        typer.Option(
+            "--board-shape", help="flat, or paraboloid: solve for one bow of the sheet, x and y."
+        ),
+    ] = "flat",
     as_json: JsonFlag = False,
     model: Annotated[str, typer.Option("--model", hidden=True)] = "joint",
     extended: Annotated[str, typer.Option("--extended", hidden=True)] = "none",
@@ -55,12 +64,14 @@ def calibrate(
         raise UsageError(f"--out must be a .json file, got '{out}'")
     if report is not None and report.suffix.lower() != ".html":
         raise UsageError(f"--report must be a .html file, got '{report}'")
-    from fringeworks.calibrate import calibrate_captures
+    from fringeworks.calibrate import CalibrationSettings, calibrate_captures
     from fringeworks.files import read_board, write_rig
 
+    settings = CalibrationSettings(board_shape=board_shape)
     with output.working() as progress:
         target = read_board(board)
-        rig = calibrate_captures(read_captures(folders, output, progress), target)
+        views = read_captures(folders, output, progress)
+        rig = calibrate_captures(views, target, settings=settings)
         write_rig(out, rig)
         drawn: list[Path] = []
         if figures is not None:
