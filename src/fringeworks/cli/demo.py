@@ -21,7 +21,7 @@ def demo(
     ),
     quick: Annotated[
         bool,
-        typer.Option("--quick", help="Half of the board poses, and one board of the real capture."),
+        typer.Option("--quick", help="Five poses of the board, and one board of the real capture."),
     ] = False,
     as_json: JsonFlag = False,
 ) -> None:
