@@ -2,9 +2,8 @@
 
 The covariance is the inverse of the weighted normal matrix at the solution, priors included. The
 weights stand on standard deviations that the residuals have mended class by class, so that it
-needs no further scale: `sigma0`
-is about one. It says what the observations' scatter leaves open. What is wrong
-with the model (a bowed board, a lens beyond five terms) is not in it.
+needs no further scale: `sigma0` is about one. It says what the observations' scatter leaves open.
+What is wrong with the model (a bowed board, a lens beyond five terms) is not in it.
 """
 
 from __future__ import annotations
