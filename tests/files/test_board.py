@@ -39,7 +39,9 @@ def test_every_key(tmp_path: Path) -> None:
     columns=st.integers(3, 1000),
     pitches=st.tuples(st.floats(0.1, 1e4), st.floats(0.1, 1e4)),
     further=st.tuples(
-        st.none() | st.floats(0, 1), st.none() | st.floats(-1e-2, 1e-2), st.none() | st.just(-5.0)
+        st.none() | st.floats(0, 1e-2),
+        st.none() | st.floats(-1e-2, 1e-2),
+        st.none() | st.just(-5.0),
     ),
 )
 def test_boards_read_back(tmp_path: Path, columns: int, pitches: Any, further: Any) -> None:
@@ -113,6 +115,10 @@ EITHER = "give either square_mm, or both pitch_x_mm and pitch_y_mm"
         (GOOD + "square_mm = 0.013", r"must be 0\.1 to 10000, got 0\.013; is it in metres\?"),
         (GOOD + "pitch_x_mm = 13.0\npitch_y_mm = 10001.0", "pitch_y_mm must be 0.1 to 10000"),
         (GOOD + "square_mm = inf", "square_mm must be a finite number, got inf"),
+        (
+            GOOD + "square_mm = 13.0\npitch_sigma_mm = 2.0",
+            r"a tenth of the pitch \(13\), got 2; is",
+        ),
         (GOOD + "squares_mm = 13.0", "unknown key 'squares_mm', did you mean 'square_mm'"),
         (GOOD.replace("11", "2") + "square_mm = 13.0", "columns must be >= 3, got 2"),
         (GOOD.replace("11", "11.0") + "square_mm = 13.0", "columns must be a whole number"),

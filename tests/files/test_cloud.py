@@ -30,12 +30,12 @@ def colours(dtype: Any = np.uint8) -> Any:
 
 @pytest.mark.parametrize("colour", [None, colours(), colours(np.uint16)])
 def test_npz_keeps_everything(tmp_path: Path, colour: Any) -> None:
-    cloud = replace(plane(), colour=colour)
+    cloud = replace(plane(), colour=colour, scale_sigma=1.5e-4)
     write_cloud(tmp_path / "a.npz", cloud)
     again = read_cloud(tmp_path / "a.npz")
     for name in ("xyz", "sigma_mm", "intensity", "epipolar_px", "colour"):
         np.testing.assert_array_equal(getattr(again, name), getattr(cloud, name))
-    assert again.frame == "board"
+    assert (again.frame, again.scale_sigma) == ("board", 1.5e-4)
     assert again.xyz.dtype == np.float32
 
 
@@ -52,6 +52,7 @@ def test_npz_with_xyz_alone(tmp_path: Path) -> None:
     cloud = read_cloud(tmp_path / "a.npz")
     np.testing.assert_array_equal(cloud.xyz, plane().xyz)
     assert cloud.frame == "unknown"
+    assert cloud.scale_sigma is None
     assert np.isnan(cloud.sigma_mm).all()
     assert np.isnan(cloud.epipolar_px).all()
 
@@ -71,6 +72,11 @@ def test_npz_with_xyz_alone(tmp_path: Path) -> None:
             {"xyz": np.zeros((2, 2, 3)), "colour": np.zeros((2, 2, 3))},
             r"colour must be uint8 or uint16 of shape \(2, 2, 3\), got float64",
         ),
+        (
+            {"xyz": np.zeros((2, 2, 3)), "scale_sigma": np.array(-1e-4)},
+            "scale_sigma must be one number, 0 or more, got -0.0001",
+        ),
+        ({"xyz": np.zeros((2, 2, 3)), "scale_sigma": np.zeros(2)}, "scale_sigma must be one"),
     ],
 )
 def test_npz_refusals(tmp_path: Path, arrays: dict[str, Any], message: str) -> None:

@@ -27,12 +27,14 @@ RIG = Rig(
     ),
     volume_mm=(560.0, 780.0),
     quality=Quality(0.1, 0.2, 0.15, 12, 1000, 1010),
+    scale_sigma=1.5e-4,
 )
 
 
 def assert_same(one: Rig, other: Rig) -> None:
     assert (one.camera, one.projector) == (other.camera, other.projector)
     assert (one.volume_mm, one.quality) == (other.volume_mm, other.quality)
+    assert one.scale_sigma == other.scale_sigma
     pose, again = one.projector_from_camera, other.projector_from_camera
     np.testing.assert_array_equal(pose.rotation, again.rotation)
     np.testing.assert_array_equal(pose.translation_mm, again.translation_mm)
@@ -44,7 +46,7 @@ def test_round_trip(tmp_path: Path) -> None:
 
 
 def test_without_volume_and_quality(tmp_path: Path) -> None:
-    rig = replace(RIG, volume_mm=None, quality=None)
+    rig = replace(RIG, volume_mm=None, quality=None, scale_sigma=None)
     write_rig(tmp_path / "rig.json", rig)
     assert_same(read_rig(tmp_path / "rig.json"), rig)
 
@@ -70,7 +72,7 @@ def test_no_digit_is_lost(
 def test_the_file_is_as_documented(tmp_path: Path) -> None:
     write_rig(tmp_path / "rig.json", RIG)
     document = json.loads((tmp_path / "rig.json").read_text())
-    assert list(document) == ["format", "units", "devices", "volume_mm", "quality"]
+    assert list(document) == ["format", "units", "devices", "volume_mm", "quality", "scale_sigma"]
     assert document["format"] == "fringeworks-rig/1"
     assert document["units"] == {"length": "mm", "angle": "rad", "image": "px"}
     camera = document["devices"]["camera"]
@@ -235,6 +237,7 @@ QUALITY = dict.fromkeys(("camera_rms_px", "projector_rms_px", "joint_rms_px"), 0
             at_top(quality={**QUALITY, "views_used": -1}),
             "quality.views_used must be >= 0, got -1",
         ),
+        (at_top(scale_sigma=-1e-4), "scale_sigma must be >= 0, got -0.0001"),
     ],
 )
 def test_refusals(tmp_path: Path, edit: Callable[[dict[str, Any]], None], message: str) -> None:

@@ -60,6 +60,7 @@ SHAPES: tuple[Shape, ...] = (
     Blend((Capsule((0, 0, 0), 5.0, (0, 30.0, 0), 4.0), Capsule((1, 2, 3), 2.5, (4, 5, 6), 2.0))),
     Blend((Capsule((0, 0, 0), 5.0, (0, 30.0, 0), 4.0),), smooth_mm=2.5),
     Board(11, 8, 13.0),
+    Board(11, 8, 13.0, "circles", diameter_mm=6.5),
     Board(7, 5, 20.0, "charuco", marker_mm=14.0, dictionary="DICT_5X5_100", margin_mm=5.0),
     Board(
         9,

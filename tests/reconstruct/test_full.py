@@ -27,6 +27,12 @@ def test_points_come_back_from_their_projections(axes: Literal["x", "y", "xy"]) 
     assert cloud.valid.all()
     assert np.abs(cloud.xyz - TILTED).max() < 3 * ROUNDING_PX * MM_PER_PX[axes]
     assert cloud.frame == "camera"
+    assert cloud.scale_sigma is None
+
+
+def test_the_rigs_scale_is_the_clouds() -> None:
+    rig = dataclasses.replace(RIG, scale_sigma=1.5e-4)
+    assert triangulate(map_of(RIG, TILTED), rig).scale_sigma == 1.5e-4
 
 
 @pytest.mark.parametrize("axes", ["x", "y", "xy"])

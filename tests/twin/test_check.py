@@ -80,6 +80,7 @@ def placed(pose: Pose) -> Scene:
         (one(replace(BOARD, print_scale=(0.0, 0.7))), "thing.print_scale must be"),
         (one(replace(BOARD, bow_mm=(math.nan, 0.0))), r"thing.bow_mm must be -1e\+06 to"),
         (one(replace(BOARD, kind="charuco")), "thing.marker_mm must be 4.2 to 13.86 on sq"),
+        (one(replace(BOARD, kind="circles")), r"diameter_mm must be above 0 and below square_mm"),
         (one(replace(CHARUCO, marker_mm=1e-300)), "thing.marker_mm must be 4.2 to 13.86"),
         (one(replace(CHARUCO, marker_mm=13.99)), "thing.marker_mm must be 4.2 to 13.86"),
         (one(replace(BOARD, print_seed=10**4000)), "thing.print_seed must be 0 to 9223"),

@@ -13,13 +13,15 @@ from fringeworks.errors import UsageError
 from fringeworks.model import Lens, Pose
 from fringeworks.twin.cast import Caster
 from fringeworks.twin.scene import Board, Material, Object, Scene
-from fringeworks.twin.texture import board_corners, print_error, print_of, sheet_sizes
+from fringeworks.twin.texture import print_error, print_of, sheet_sizes
+from tests.twin.prints import board_corners
 from tests.twin.views import CAMERA, every_pixel, pose
 
 Array = NDArray[np.float64]
 
 BOARD = Board(9, 6, 14.0)
 CHARUCO = Board(7, 5, 16.0, kind="charuco", marker_mm=12.0)
+CIRCLES = Board(7, 5, 16.0, kind="circles", diameter_mm=9.0)
 MARKED = Material(albedo=0.9, dark_albedo=0.1)
 FACING = pose((0.0, 0.0, 0.0), (-50.0, -30.0, 600.0))
 TILTED = pose((0.25, -0.3, 0.1), (-50.0, -30.0, 620.0))
@@ -72,8 +74,9 @@ def test_a_footprint_is_averaged_exactly() -> None:
     np.testing.assert_allclose(albedo, 0.9 - 0.8 * 10 / 16, rtol=0, atol=1e-9)
 
 
-def test_a_footprint_against_many_points() -> None:
-    board = replace(BOARD, print_sigma_mm=0.05, print_scale=(2e-3, -1e-3))
+@pytest.mark.parametrize("printed", [BOARD, replace(BOARD, kind="circles", diameter_mm=9.0)])
+def test_a_footprint_against_many_points(printed: Board) -> None:
+    board = replace(printed, print_sigma_mm=0.05, print_scale=(2e-3, -1e-3))
     rng = np.random.default_rng(0)
     places = rng.uniform([0, 0], [110, 70], (40, 2))
     offsets = (np.mgrid[0:100, 0:100].reshape(2, -1).T + 0.5) / 100 - 0.5
@@ -84,6 +87,21 @@ def test_a_footprint_against_many_points() -> None:
     albedo = albedo_at(board, places, width_mm=3.0)
     np.testing.assert_allclose(albedo, asked, rtol=0, atol=0.8 * 2 * (0.005 + 0.004))
     assert np.ptp(asked) > 0.3
+
+
+def test_circles_by_hand() -> None:
+    """Points in and out of circles; and squares of 16 mm, each with the whole of one or quarters.
+
+    A point is looked at through a square of 1e-3 mm.
+    """
+    points = np.array([[0, 0], [4.49, 0], [0, -4.51], [8, 8], [96, 64], [112, 0], [99.2, 67.2]])
+    albedo = albedo_at(CIRCLES, points)
+    np.testing.assert_allclose(albedo, [0.1, 0.1, 0.9, 0.9, 0.1, 0.9, 0.9], rtol=0, atol=1e-5)
+    share = np.pi * 4.5**2 / 16**2
+    places = np.array([[16, 16], [8, 8], [8, 0], [-8, -8], [88, 64]], float)
+    albedo = albedo_at(CIRCLES, places, width_mm=16.0)
+    asked = 0.9 - 0.8 * share * np.array([1, 1, 1, 0.25, 1])
+    np.testing.assert_allclose(albedo, asked, rtol=0, atol=1e-9)
 
 
 def test_charuco_is_opencvs_drawing() -> None:
@@ -178,6 +196,8 @@ def test_grids_are_no_larger_than_they_must_be() -> None:
 @pytest.mark.parametrize(
     ("board", "words"),
     [
+        (replace(CIRCLES, diameter_mm=None), "diameter_mm must be above 0 and below square_mm"),
+        (replace(CIRCLES, diameter_mm=16.0), "diameter_mm must be above 0 and below square_mm"),
         (replace(CHARUCO, marker_mm=None), "marker_mm must be above 0 and below square_mm"),
         (replace(CHARUCO, marker_mm=16.0), "marker_mm must be above 0 and below square_mm"),
         (replace(CHARUCO, dictionary="DICT_9X9"), "dictionary must be one of OpenCV's"),

@@ -15,6 +15,8 @@ from fringeworks.files.validation import Table, read_toml, shorten, suggest, val
 from fringeworks.model import CharucoTarget, CheckerboardTarget, CirclesTarget, Target, kind_of
 
 MIN_PITCH_MM, MAX_PITCH_MM = 0.1, 10_000.0
+LARGEST_SIGMA = 0.1
+"""Of the pitch: nobody measures it worse, and µm taken for mm are beyond it."""
 
 Corners = Annotated[int, Field(ge=3, le=1000)]
 
@@ -97,6 +99,7 @@ def _parse(document: dict[str, Any], path: Path) -> Target:
     board = validated(table, document, path)
     pitch_x, pitch_y = _pitch(board, path)
     _check_print(board, min(pitch_x, pitch_y), path)
+    _check_sigma(board.pitch_sigma_mm, min(pitch_x, pitch_y), path)
     given = board.model_dump(exclude={"kind", "square_mm", "pitch_x_mm", "pitch_y_mm"})
     return noun(pitch_x_mm=pitch_x, pitch_y_mm=pitch_y, **given)
 
@@ -132,3 +135,11 @@ def _check_print(board: BoardFile, pitch: float, path: Path) -> None:
         value = getattr(board, key, None)
         if value is not None and not value < pitch:
             raise FormatError(f"{path}: {key} must be below the pitch ({pitch:g}), got {value:g}")
+
+
+def _check_sigma(sigma: float | None, pitch: float, path: Path) -> None:
+    if sigma is not None and sigma > LARGEST_SIGMA * pitch:
+        raise FormatError(
+            f"{path}: pitch_sigma_mm must be at most a tenth of the pitch ({pitch:g}), "
+            f"got {sigma:g}; is it in µm?"
+        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -85,10 +86,12 @@ def _write_npz(path: Path, cloud: Cloud) -> None:
     }
     if cloud.colour is not None:
         arrays["colour"] = cloud.colour
+    if cloud.scale_sigma is not None:
+        arrays["scale_sigma"] = np.array(cloud.scale_sigma)
     write_npz(path, arrays)
 
 
-_ARRAYS = ("xyz", "sigma_mm", "intensity", "epipolar_px", "frame", "colour")
+_ARRAYS = ("xyz", "sigma_mm", "intensity", "epipolar_px", "frame", "colour", "scale_sigma")
 
 
 def _read_npz(path: Path) -> Cloud:
@@ -106,7 +109,17 @@ def _read_npz(path: Path) -> Cloud:
         epipolar_px=_numbers(path, arrays, "epipolar_px", shape=shape[:2]),
         colour=_colour(path, arrays, shape),
         frame=str(frame) if frame.dtype.kind == "U" and frame.ndim == 0 else UNKNOWN_FRAME,
+        scale_sigma=_scale_sigma(path, arrays),
     )
+
+
+def _scale_sigma(path: Path, arrays: Arrays) -> float | None:
+    array = arrays.get("scale_sigma")
+    if array is None:
+        return None
+    if array.ndim != 0 or array.dtype.kind not in "fiu" or not 0 <= array < math.inf:
+        raise FormatError(f"{path}: scale_sigma must be one number, 0 or more, got {array}")
+    return float(array)
 
 
 def _numbers(

@@ -54,6 +54,7 @@ def _parse(document: dict[str, Any], path: Path) -> Rig:
         projector_from_camera=_compose(projector_from_rig, camera_from_rig.inverse()),
         volume_mm=_volume(file, path),
         quality=None if file.quality is None else Quality(**file.quality.model_dump()),
+        scale_sigma=file.scale_sigma,
         further={key: document[key] for key in FURTHER_KEYS if key in document},
     )
 
@@ -118,6 +119,8 @@ def _describe(rig: Rig) -> dict[str, Any]:
         document["volume_mm"] = dict(zip(("z_min", "z_max"), rig.volume_mm, strict=True))
     if rig.quality is not None:
         document["quality"] = asdict(rig.quality)
+    if rig.scale_sigma is not None:
+        document["scale_sigma"] = rig.scale_sigma
     further = {key: _plain(rig.further[key]) for key in FURTHER_KEYS if key in rig.further}
     return {**document, **further}
 

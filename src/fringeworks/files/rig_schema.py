@@ -104,6 +104,7 @@ class RigFile(Table):
     devices: dict[str, DeviceTable]
     volume_mm: VolumeTable | None = None
     quality: QualityTable | None = None
+    scale_sigma: NotNegative | None = None
     extended: Any = None
     transfer: Any = None
     response: Any = None

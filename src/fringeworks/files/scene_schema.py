@@ -137,12 +137,13 @@ class BlendTable(ObjectTable):
 class BoardTable(ObjectTable):
     """See `Board`."""
 
-    shape: Literal["checkerboard", "charuco"]
+    shape: Literal["checkerboard", "charuco", "circles"]
     columns: Corners
     rows: Corners
     square_mm: Length
     marker_mm: Length | None = None
     dictionary: Name | None = None
+    diameter_mm: Length | None = None
     margin_mm: Length | None = None
     print_scale: Pair | None = None
     print_sigma_mm: Length | None = None

@@ -2,7 +2,8 @@
 
 The print is constant on the cells of a grid with lines at `across` and `down`, mm; `sums` holds
 the area of ink above and left of every crossing. Between crossings that area is bilinear, so the
-mean over any upright rectangle is exact, and so is the place of an edge.
+mean over any upright rectangle is exact, and so is the place of an edge. Circles stand on no such
+grid: their area in a rectangle is known by itself, see `discs`.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.kernels.compiled import kernel
+from fringeworks.kernels.discs import discs_area
 from fringeworks.kernels.rays import Surfaces, rotated
 from fringeworks.kernels.shapes import Vector
 
@@ -37,6 +39,9 @@ class Sheet(NamedTuple):
         ``(m,)`` and ``(n,)`` grid lines, mm in the print.
     sums
         ``(n, m)``, mm^2 of ink.
+    circles
+        Radius, mm, columns and rows of circles on the corners' grid from (0, 0); none where the
+        radius is 0, else there is no other ink.
     scale_x, scale_y
         Size of the print over the ideal one.
     shifts_x, shifts_y
@@ -51,6 +56,7 @@ class Sheet(NamedTuple):
     across: Array
     down: Array
     sums: Array
+    circles: tuple[float, int, int]
     scale_x: float
     scale_y: float
     shifts_x: Array
@@ -101,6 +107,16 @@ def ink_before(u: float, v: float, sheet: Sheet) -> float:
     fx = (u - across[j]) / (across[j + 1] - across[j])
     fy = (v - down[i]) / (down[i + 1] - down[i])
     return bilinear(sheet.sums, (i, j), (fx, fy))
+
+
+@kernel
+def ink_within(low: tuple[float, float], high: tuple[float, float], sheet: Sheet) -> float:
+    """Ink in the rectangle from `low` to `high`, mm^2."""
+    radius, columns, rows = sheet.circles
+    if radius > 0:
+        return float(discs_area(low, high, (radius, sheet.square, columns, rows)))
+    right = ink_before(high[0], high[1], sheet) - ink_before(high[0], low[1], sheet)
+    return float(right - (ink_before(low[0], high[1], sheet) - ink_before(low[0], low[1], sheet)))
 
 
 @kernel
@@ -157,6 +173,5 @@ def sheet_albedo(
         x, y, _ = rotated(sheet.rotation, (points[i, 0], points[i, 1], points[i, 2]))
         u, v = place_in_print(x + sheet.translation[0], y + sheet.translation[1], sheet)
         du, dv = footprint(d, normal, widths[0] * widths[1][i], sheet.rotation)
-        ink = ink_before(u + du / 2, v + dv / 2, sheet) - ink_before(u - du / 2, v + dv / 2, sheet)
-        ink -= ink_before(u + du / 2, v - dv / 2, sheet) - ink_before(u - du / 2, v - dv / 2, sheet)
+        ink = ink_within((u - du / 2, v - dv / 2), (u + du / 2, v + dv / 2), sheet)
         albedo[i] += (sheet.black - sheet.white) * ink / (du * dv)

@@ -130,6 +130,18 @@ def expansion(target: Target, temperature_c: float | None) -> float:
     return 1 + target.cte_per_k * (temperature_c - target.temperature_c)
 
 
+def scale_sigma(target: Target) -> float | None:
+    """One standard deviation of the scale, as a share: that of the pitch over the smaller pitch.
+
+    Every length that is measured with a rig errs by the same share as the board that calibrated
+    it. The errors of both pitches are taken as one: it is the calliper's. None where the board
+    does not say.
+    """
+    if target.pitch_sigma_mm is None:
+        return None
+    return target.pitch_sigma_mm / min(target.pitch_x_mm, target.pitch_y_mm)
+
+
 def corners_at(target: Target, temperature_c: float | None) -> NDArray[np.float64]:
     """``(n, 3)`` corners or centres, mm in the board's frame, at a capture's temperature."""
     return target.corners_mm() * expansion(target, temperature_c)

@@ -28,6 +28,9 @@ class Cloud:
     epipolar_px
         ``(H, W)`` float32: what is left between measured and projected coordinate across the
         epipolar line, projector px; NaN everywhere if one axis alone was coded.
+    scale_sigma
+        How well the scale of all its lengths is known, a share, one standard deviation: that of
+        the rig. None where nobody knows.
     findings
         What the user should know of how the points came about.
     """
@@ -38,6 +41,7 @@ class Cloud:
     epipolar_px: NDArray[np.float32]
     colour: Frames | None = None
     frame: str = "camera"
+    scale_sigma: float | None = None
     findings: tuple[Finding, ...] = ()
 
     @property

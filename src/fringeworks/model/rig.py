@@ -96,6 +96,8 @@ class Rig:
     """One camera and one projector that have been calibrated together.
 
     `volume_mm` is the depth range (z of the camera frame) that the calibration poses covered.
+    `scale_sigma` is how well the scale of all lengths is known, a share, one standard deviation;
+    None where nobody knows.
     `further` keeps the other keys of the rig's file: its calibration's observations, response...
     """
 
@@ -104,6 +106,7 @@ class Rig:
     projector_from_camera: Pose
     volume_mm: tuple[float, float] | None = None
     quality: Quality | None = None
+    scale_sigma: float | None = None
     further: Mapping[str, Any] = field(default_factory=dict)
 
     @property

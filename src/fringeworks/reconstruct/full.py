@@ -118,7 +118,7 @@ def triangulate(
     if not np.isfinite(sigma).any():
         raise DecodeError(_no_point_message(projector_map, window))
     shade = projector_map.axes[0].offset if intensity is None else intensity
-    return Cloud(xyz, sigma, shade, epipolar, colour, findings=found)
+    return Cloud(xyz, sigma, shade, epipolar, colour, scale_sigma=rig.scale_sigma, findings=found)
 
 
 def _notice_misfits(projector_map: ProjectorMap) -> tuple[Finding, ...]:

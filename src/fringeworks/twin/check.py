@@ -270,8 +270,8 @@ def _check_board(board: Board, name: str) -> None:
     _require_lengths(board.bow_mm, f"{name}.bow_mm")
     seed = board.print_seed
     _require(0 <= seed <= MOST_SEED, f"{name}.print_seed", f"0 to {MOST_SEED}", seed)
-    known = board.kind in ("checkerboard", "charuco")
-    _require(known, f"{name}.kind", "checkerboard or charuco", board.kind)
+    known = board.kind in ("checkerboard", "charuco", "circles")
+    _require(known, f"{name}.kind", "checkerboard, charuco or circles", board.kind)
     if board.kind == "charuco":
         _check_marker(board, name)
     print_of(board)

@@ -103,8 +103,9 @@ class Board:
     Attributes
     ----------
     kind
-        A checkerboard, its first square (up and left of the first corner) black; or ChArUco,
-        with markers of `dictionary` and `marker_mm` in its white squares as OpenCV draws them.
+        A checkerboard, its first square (up and left of the first corner) black; ChArUco, with
+        markers of `dictionary` and `marker_mm` in its white squares as OpenCV draws them; or black
+        circles of `diameter_mm` on white, their centres `square_mm` apart where the corners are.
     margin_mm
         White sheet around the outermost squares.
     print_scale
@@ -122,9 +123,10 @@ class Board:
     columns: int
     rows: int
     square_mm: float
-    kind: Literal["checkerboard", "charuco"] = "checkerboard"
+    kind: Literal["checkerboard", "charuco", "circles"] = "checkerboard"
     marker_mm: float | None = None
     dictionary: str = "DICT_4X4_250"
+    diameter_mm: float | None = None
     margin_mm: float = 10.0
     print_scale: tuple[float, float] = (0.0, 0.0)
     print_sigma_mm: float = 0.0

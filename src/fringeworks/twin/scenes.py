@@ -18,7 +18,17 @@ import numpy as np
 
 from fringeworks.errors import UsageError
 from fringeworks.geometry.pose import rotation_matrix
-from fringeworks.model import Camera, CharucoTarget, CheckerboardTarget, Lens, Pose, Projector, Rig
+from fringeworks.model import (
+    Camera,
+    CharucoTarget,
+    CheckerboardTarget,
+    CirclesTarget,
+    Lens,
+    Pose,
+    Projector,
+    Rig,
+    Target,
+)
 from fringeworks.twin.scene import (
     Blend,
     Board,
@@ -190,12 +200,14 @@ def board_pose(
     return replace(turned, translation_mm=turned.translation_mm - turned.rotation @ corners)
 
 
-def target_of(board: Board) -> CheckerboardTarget | CharucoTarget:
+def target_of(board: Board) -> Target:
     """What a calibration is told of a board: its nominal pitch, not what went wrong in print."""
     size = (board.columns, board.rows, board.square_mm, board.square_mm)
-    if board.marker_mm is None:
-        return CheckerboardTarget(*size)
-    return CharucoTarget(*size, board.marker_mm, board.dictionary)
+    if board.kind == "circles" and board.diameter_mm is not None:
+        return CirclesTarget(*size, board.diameter_mm)
+    if board.kind == "charuco" and board.marker_mm is not None:
+        return CharucoTarget(*size, board.marker_mm, board.dictionary)
+    return CheckerboardTarget(*size)
 
 
 def hand() -> Blend:

@@ -30,6 +30,7 @@ def sheet_of(thing: Object, board: Board) -> Sheet:
         across=across,
         down=down,
         sums=np.pad(area.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0))),
+        circles=(_radius(board) if board.kind == "circles" else 0.0, board.columns, board.rows),
         scale_x=1 + board.print_scale[0],
         scale_y=1 + board.print_scale[1],
         shifts_x=shifts[0],
@@ -48,12 +49,22 @@ def sheet_sizes(board: Board) -> tuple[float, float, float, float]:
 
 
 def print_of(board: Board) -> tuple[Array, Array, Array]:
-    """Grid lines across and down, mm, and the share of ink in the cells between them."""
+    """Grid lines across and down, mm, and the share of ink in the cells between them.
+
+    Circles are none of these cells: theirs are empty.
+    """
     steps = np.array([0.0])
     if board.kind == "charuco":
         steps = _marker_steps(board)
     across, down = _lines(board.columns + 1, steps), _lines(board.rows + 1, steps)
-    ink = _draw_charuco(board, across, down) if board.kind == "charuco" else _draw_squares(board)
+    match board.kind:
+        case "charuco":
+            ink = _draw_charuco(board, across, down)
+        case "circles":
+            _radius(board)
+            ink = np.zeros((len(down) - 1, len(across) - 1))
+        case _:
+            ink = _draw_squares(board)
     return (across - 1) * board.square_mm, (down - 1) * board.square_mm, ink
 
 
@@ -64,19 +75,6 @@ def print_error(board: Board) -> Array:
     """
     rng = np.random.default_rng(board.print_seed)
     return rng.normal(0.0, 1.0, (board.rows + 2, board.columns + 2, 2)) * board.print_sigma_mm
-
-
-def board_corners(board: Board) -> Array:
-    """``(rows * columns, 3)`` inner corners as printed, row by row, mm in the board's frame."""
-    y, x = np.mgrid[: board.rows, : board.columns].astype(np.float64) * board.square_mm
-    shift = print_error(board)[1:-1, 1:-1]
-    x = x * (1 + board.print_scale[0]) + shift[..., 0]
-    y = y * (1 + board.print_scale[1]) + shift[..., 1]
-    middle_x, middle_y, half_x, half_y = sheet_sizes(board)
-    bow_x = board.bow_mm[0] * (1 - ((x - middle_x) / half_x) ** 2)
-    bow_y = board.bow_mm[1] * (1 - ((y - middle_y) / half_y) ** 2)
-    corners = np.stack([x, y, -bow_x - bow_y], axis=-1)
-    return np.asarray(corners.reshape(-1, 3), dtype=np.float64)
 
 
 def _lines(squares: int, steps: Array) -> Array:
@@ -114,6 +112,16 @@ def _draw_charuco(board: Board, across: Array, down: Array) -> Array:
     image = drawn.generateImage((size[0] * side, size[1] * side))
     middles = [((lines[1:] + lines[:-1]) / 2 * side).astype(np.intp) for lines in (down, across)]
     return np.asarray(image[np.ix_(*middles)] < 128, dtype=np.float64)
+
+
+def _radius(board: Board) -> float:
+    """Of a circle, mm."""
+    if board.diameter_mm is None or not 0 < board.diameter_mm < board.square_mm:
+        raise UsageError(
+            f"board.diameter_mm must be above 0 and below square_mm ({board.square_mm:g}) for "
+            f"circles, got {board.diameter_mm}"
+        )
+    return board.diameter_mm / 2
 
 
 def _marker_share(board: Board) -> float:
