@@ -77,6 +77,16 @@ def test_multi_frequency() -> None:
     assert not any(isinstance(p, GrayCode) for p in patterns("multi-frequency"))
 
 
+@pytest.mark.parametrize(("size", "square"), [((608, 684), 20.0), ((1920, 1080), 36.0)])
+def test_paper_calibrate(size: tuple[int, int], square: float) -> None:
+    """The paper's fringes and code without its code frame, and thirty squares on the short side."""
+    shown = patterns("paper-calibrate", width=size[0], height=size[1])
+    others = [p for p in shown if p != Checkerboard(square)]
+    whole = patterns("paper", width=size[0], height=size[1])
+    assert others == [p for p in whole if not isinstance(p, Codeword)]
+    assert shown[-3:] == [Checkerboard(square), Uniform(1.0), Uniform(0.0)]
+
+
 @given(extent=st.integers(2, 8192))
 def test_ladder(extent: int) -> None:
     ladder = frequency_ladder(extent)
@@ -165,7 +175,7 @@ def test_refused_options(options: dict[str, Any], message: str) -> None:
 
 
 def test_refused_preset() -> None:
-    message = "preset must be one of paper, calibrate, measure, multi-frequency, got fast"
+    message = f"preset must be one of {', '.join(PRESETS)}, got fast"
     with pytest.raises(UsageError, match=f"^{message}$"):
         patterns("fast")  # type: ignore[arg-type]
     assert set(get_args(Preset)) == set(PRESETS)

@@ -3,7 +3,8 @@
 `paper` is the sequence of the paper: three steps of 32 px (its equation 10), a Gray code to
 compare with, and its single code frame. `calibrate`, `measure` and `multi-frequency` follow the
 noise-optimal choices: N >= 4 steps to reject the harmonics of the response, and orders that are
-safe at the edges of every fringe.
+safe at the edges of every fringe. `paper-calibrate` is what the paper shows to a board: its fringes
+and a projected checkerboard.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any, Literal, TypeAlias, get_args
 from fringeworks.model import (
     AXES,
     Axis,
+    Checkerboard,
     Codeword,
     Fringe,
     GrayCode,
@@ -32,7 +34,7 @@ from fringeworks.patterns.checks import (
     require,
 )
 
-Preset: TypeAlias = Literal["paper", "calibrate", "measure", "multi-frequency"]
+Preset: TypeAlias = Literal["paper", "calibrate", "measure", "multi-frequency", "paper-calibrate"]
 Code: TypeAlias = Literal["none", "gray", "complementary"]
 
 STEPS_RANGE = (3, 64)
@@ -47,6 +49,9 @@ FINER_FRINGES = (8, 64)
 SHORTEST_SENSIBLE_PERIOD_PX = 6.0
 """Below about 2 pi times the blur's sigma (5 to 8 px) a shorter period loses more modulation
 than it gains in phase."""
+
+SQUARES_ACROSS = 30
+"""Projected squares along the image's shorter side: 40 by 20 camera px each on the paper's rig."""
 
 PAPER_CODEWORDS_PX = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
 
@@ -67,6 +72,8 @@ class Recipe:
         Whether the inverse of each bit is shown too: the safest threshold on dark surfaces.
     codewords_px
         Codewords of a code frame along the first axis; empty: no code frame.
+    squares_across
+        Squares of a projected checkerboard along the shorter side of the image; 0: none.
     """
 
     steps: int
@@ -74,6 +81,7 @@ class Recipe:
     code: Code = "complementary"
     inverted: bool = False
     codewords_px: tuple[float, ...] = ()
+    squares_across: int = 0
 
 
 PRESETS: MappingProxyType[Preset, Recipe] = MappingProxyType(
@@ -82,6 +90,7 @@ PRESETS: MappingProxyType[Preset, Recipe] = MappingProxyType(
         "calibrate": Recipe(steps=8, periods_px=(32.0,), inverted=True),
         "measure": Recipe(steps=8, periods_px=(16.0,)),
         "multi-frequency": Recipe(steps=4, code="none"),
+        "paper-calibrate": Recipe(steps=3, periods_px=(32.0,), squares_across=SQUARES_ACROSS),
     }
 )
 
@@ -98,7 +107,7 @@ def make_sequence(
     inverted: bool | None = None,
     codewords_px: tuple[float, ...] | None = None,
 ) -> Sequence:
-    """Describe what a projector shows: fringes and code per axis, code frame, white, black.
+    """Describe what a projector shows: fringes and code per axis, other frames, white, black.
 
     Parameters
     ----------
@@ -142,6 +151,7 @@ def make_sequence(
         _check_guard(recipe.periods_px, max(extents.values()))
     patterns = [p for axis in axes for p in _axis_patterns(recipe, axis, extents[axis])]
     patterns += _code_frame(recipe, axes[0], extents[axes[0]])
+    patterns += _projected_board(recipe, min(width, height))
     patterns += [Uniform(1.0), Uniform(0.0)]
     sequence = replace(blank, sets=tuple(map(PatternSet, patterns)))
     check_sequence(sequence)
@@ -198,6 +208,13 @@ def _code_frame(recipe: Recipe, axis: Axis, extent: int) -> list[Pattern]:
     if not recipe.codewords_px:
         return []
     return [Codeword(axis, _periods(recipe, extent)[0], recipe.codewords_px)]
+
+
+def _projected_board(recipe: Recipe, shorter_side: int) -> list[Pattern]:
+    """The checkerboard, if the recipe has one; whole pixels, so that no edge meets a centre."""
+    if not recipe.squares_across:
+        return []
+    return [Checkerboard(float(max(1, round(shorter_side / recipe.squares_across))))]
 
 
 def _check_axes(axes: tuple[Axis, ...]) -> None:
