@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.calibrate import View
+from fringeworks.calibrate.board_shape import BoardFrame
+from fringeworks.calibrate.projection import project_corners, project_sites
 from fringeworks.calibrate.sites import Sites
-from fringeworks.calibrate.state import RigState
+from fringeworks.calibrate.state import SHARED, RigState, pose_columns
 from fringeworks.geometry.lens import project, unproject
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import CheckerboardTarget, Rig
@@ -112,6 +114,25 @@ def views_of(
             )
         )
     return views
+
+
+def residuals_and_jacobian(state: RigState, views: Sequence[View]) -> tuple[Array, Array]:
+    """``(m,)`` residuals, px, of all kept corners and sites, and ``(m, parameters)`` derivatives.
+
+    Rows: view by view, camera x and y of each corner, then column and row of each site. Columns
+    follow `RigState.vector`.
+    """
+    frame = BoardFrame.of(view.board_mm for view in views)
+    residuals, rows = [], []
+    for index, (view, pose) in enumerate(zip(views, state.camera_from_board, strict=True)):
+        corners = project_corners(state, pose, (view.board_mm[view.kept], frame))
+        sites = project_sites(state, pose, (view.sites.camera_px, frame))
+        residuals += [view.camera_px[view.kept] - corners[0], view.sites.projector_px - sites[0]]
+        derivatives = np.concatenate([corners[1], sites[1]]).reshape(-1, corners[1].shape[-1])
+        row = np.zeros((len(derivatives), len(state.vector)))
+        row[:, np.r_[:SHARED, pose_columns(index)]] = -derivatives
+        rows.append(row)
+    return np.concatenate(residuals).ravel(), np.concatenate(rows)
 
 
 def triangulate_corners(rig: Rig, camera_px: Array, projector_px: Array) -> Array:

@@ -14,7 +14,6 @@ from fringeworks.calibrate import CalibrationSettings, ImageSize, View
 from fringeworks.calibrate.bundle import (
     all_residuals,
     refine,
-    residuals_and_jacobian,
     rms_px,
 )
 from fringeworks.calibrate.checks import LARGEST_TOGETHER
@@ -25,6 +24,7 @@ from tests.calibrate.synthetic import (
     board_poses,
     dense_sites,
     read_maps,
+    residuals_and_jacobian,
     rig_state,
     views_of,
 )

@@ -27,9 +27,9 @@ from fringeworks.twin import scenes
 from fringeworks.twin.effects import Effects
 from fringeworks.twin.scene import Board
 from fringeworks.twin.simulate import simulate
-from fringeworks.twin.texture import board_corners
 from tests.calibrate.synthetic import BOARD, reference, true_corners
 from tests.scenes import coded_axis
+from tests.twin.prints import board_corners
 
 POSE, PICTURE = reference()
 Array = NDArray[np.float64]

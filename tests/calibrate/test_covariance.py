@@ -9,11 +9,17 @@ import numpy as np
 import pytest
 
 from fringeworks.calibrate import CalibrationSettings
-from fringeworks.calibrate.bundle import Fit, refine, residuals_and_jacobian
+from fringeworks.calibrate.bundle import Fit, refine
 from fringeworks.calibrate.covariance import KEY, Covariance, read_covariance
 from fringeworks.calibrate.state import DECENTRING, RigState, free_indices
 from fringeworks.errors import FormatError
-from tests.calibrate.synthetic import board_poses, dense_sites, rig_state, views_of
+from tests.calibrate.synthetic import (
+    board_poses,
+    dense_sites,
+    residuals_and_jacobian,
+    rig_state,
+    views_of,
+)
 
 CORNER_SIGMA, SITE_SIGMA = 0.04, 0.012
 SETTINGS = CalibrationSettings()
@@ -104,6 +110,7 @@ DAMAGES: dict[str, Callable[[Any], object]] = {
     "covariance.names": lambda table: table.update(names=[]),
     "covariance.sigma0": lambda table: table.pop("sigma0"),
     "covariance.upper must have rows of 58": lambda table: table["upper"].pop(),
+    "covariance.upper must have variances": lambda table: table["upper"][3].__setitem__(0, -1.0),
 }
 
 

@@ -7,12 +7,9 @@ import pytest
 
 from fringeworks.calibrate import CalibrationSettings, ImageSize, View, calibrate_rig
 from fringeworks.calibrate.bundle import refine
-from fringeworks.calibrate.cross_validate import prediction_errors, wants_k3
 from fringeworks.calibrate.record import read_record
-from fringeworks.calibrate.state import CAMERA, RigState
+from fringeworks.calibrate.state import RigState
 from fringeworks.calibrate.trim import leave_out_sites, worst_view
-from fringeworks.errors import CalibrationError
-from fringeworks.geometry.lens import LENS_NAMES
 from tests.calibrate.synthetic import BOARD, board_poses, dense_sites, rig_state, views_of
 
 POSES = board_poses(8, rng=np.random.default_rng(30))
@@ -64,20 +61,3 @@ def test_a_view_that_contradicts_is_left_out_and_named(views: list[View]) -> Non
 
 def test_views_that_agree_are_kept(views: list[View]) -> None:
     assert worst_view(refine(rig_state(POSES), views, SETTINGS), views) is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("k3", [0.0, 40.0])
-def test_k3_is_wanted_where_it_is_there(k3: float) -> None:
-    vector = rig_state(POSES).vector
-    vector[CAMERA.start + LENS_NAMES.index("k3")] = k3  # 40: 0.7 px at the image's edge
-    seen = observe(RigState.from_vector(vector))
-    fit = refine(rig_state(POSES), seen, SETTINGS)
-    assert wants_k3(fit, seen, SETTINGS) == {"camera": k3 > 0, "projector": False}
-
-
-def test_too_few_views_to_leave_any_out(views: list[View]) -> None:
-    few = views[:3]
-    fit = refine(rig_state(POSES[:3]), few, SETTINGS)
-    with pytest.raises(CalibrationError, match="at least 3 views beside"):
-        prediction_errors(fit, few, SETTINGS)

@@ -26,11 +26,12 @@ from fringeworks.calibrate.uncertainty import (
     state_of,
     triangulate_points,
 )
-from fringeworks.errors import CalibrationError, FormatError, UsageError
+from fringeworks.errors import FormatError, UsageError
 from fringeworks.geometry.align import align_points
 from fringeworks.geometry.lens import project
-from fringeworks.geometry.pose import rotation_matrix
+from fringeworks.geometry.pose import rotation_matrix, rotation_vector
 from fringeworks.model import Rig
+from fringeworks.model.board import scale_sigma
 from tests.calibrate.synthetic import (
     BOARD,
     board_poses,
@@ -66,6 +67,7 @@ def calibrated(count: int, *, seed: int = 0, zoomed: float = 1.0) -> Rig:
         BOARD,
         camera_size=CAMERA_SIZE,
         projector_size=PROJECTOR_SIZE,
+        settings=CalibrationSettings(try_k3=False),
     )
 
 
@@ -235,9 +237,11 @@ def test_a_prior_that_both_halves_share_is_no_difference() -> None:
 
 
 def halves_of(rig: Rig) -> Halves:
+    """As the rig's file keeps it."""
     record = read_record(rig.further)
     assert record is not None
-    return compare_halves(rig, record, lay_field(rig))
+    assert record.halves is not None
+    return record.halves
 
 
 @pytest.mark.slow
@@ -256,34 +260,73 @@ def test_halves_of_good_views_differ_by_what_they_predict() -> None:
 
 def test_a_rig_that_changed_is_seen() -> None:
     """A projector zoomed by 2 in 1000 in every other view, 0.6 px at the edge of its image."""
-    finding = halves_of(calibrated(6, zoomed=1.002)).finding
+    rig = calibrated(6, zoomed=1.002)
+    finding = halves_of(rig).finding
     assert finding is not None
     assert "times what their scatter predicts" in finding.message
     assert "flatness" in finding.remedy
-
-
-def test_halves_need_six_views(rig: Rig) -> None:
     record = read_record(rig.further)
     assert record is not None
-    few = replace(record, views=record.views[:5])
-    with pytest.raises(CalibrationError, match="at least 6 views, got 5"):
-        compare_halves(rig, few, lay_field(rig))
+    assert record.findings[-1] == finding
 
 
-def test_halves_solve_with_the_settings_of_the_record(rig: Rig) -> None:
+def test_the_file_keeps_what_was_compared(rig: Rig, field: Field) -> None:
+    """To the four digits that it is written with, and what sites kept to 1e-5 px change."""
+    record, found = read_record(rig.further), halves_of(rig)
+    assert record is not None
+    views = [entry.view for entry in record.views]
+    poses = [
+        np.concatenate([rotation_vector(pose.rotation), pose.translation_mm])
+        for pose in (entry.camera_from_board for entry in record.views)
+    ]
+    state = replace(state_of(rig), camera_from_board=np.array(poses))
+    again = compare_halves(state, views, CalibrationSettings(), field=field)
+    np.testing.assert_allclose(found.difference_mm, again.difference_mm, rtol=2e-3, atol=1e-5)
+    np.testing.assert_allclose(found.predicted_mm, again.predicted_mm, rtol=2e-3, atol=1e-5)
+    assert rig.further[KEY]["halves"]["ratio"] == pytest.approx(found.ratio, rel=1e-3)
+    assert record.left_out == ()
+
+
+def test_halves_need_six_views() -> None:
+    record = read_record(calibrated(5).further)
+    assert record is not None
+    assert record.halves is None
+    assert record.left_out == ("two halves of the views need at least 6 views, got 5",)
+
+
+def test_halves_solve_with_the_settings_of_the_rig() -> None:
     """k3 of both lenses free: the halves scatter far more, and predict it."""
-    table = dict(rig.further[KEY])
-    free = (*CalibrationSettings().camera_free, "k3")
-    table["settings"] = {**table["settings"], "camera_free": free, "projector_free": free}
-    richer = halves_of(replace(rig, further={**rig.further, KEY: table}))
-    assert richer.predicted_rms_mm > 1.5 * halves_of(rig).predicted_rms_mm
+    truth = rig_state(board_poses(6, rng=np.random.default_rng(100)))
+    views = noisy_views(truth, seed=0)
+    names = (*CalibrationSettings().camera_free, "k3")
+    free = CalibrationSettings(camera_free=names, projector_free=names)
+    rigs = [
+        calibrate_rig(
+            views,
+            BOARD,
+            camera_size=CAMERA_SIZE,
+            projector_size=PROJECTOR_SIZE,
+            settings=settings,
+        )
+        for settings in (CalibrationSettings(), free)
+    ]
+    plain, richer = (halves_of(rig).predicted_rms_mm for rig in rigs)
+    assert richer > 1.5 * plain
 
 
 @pytest.mark.parametrize(
     ("key", "value", "told"),
     [
-        ("settings", {"huber": "much"}, r"calibration\.settings\.huber"),
-        ("board_shape", {}, r"board_shape must have bow_x_mm, bow_y_mm, got none"),
+        ("halves", {"difference_mm": []}, r"calibration\.halves\.predicted_mm"),
+        ("halves", {"difference_mm": [[[1]]], "predicted_mm": [[[1]]]}, "at 3 depths"),
+        ("halves", dict.fromkeys(("difference_mm", "predicted_mm"), [[[None]]] * 3), "are known"),
+        ("halves", dict.fromkeys(("difference_mm", "predicted_mm"), [[[0.0]]] * 3), "above 0"),
+        (
+            "halves",
+            {"difference_mm": [[[-1]]] * 3, "predicted_mm": [[[1]]] * 3},
+            r"difference_mm\.0",
+        ),
+        ("k3", [{"device": "camera"}], r"calibration\.k3\.0\.k3"),
     ],
 )
 def test_a_damaged_record_is_refused_by_its_key(
@@ -291,4 +334,10 @@ def test_a_damaged_record_is_refused_by_its_key(
 ) -> None:
     table = {**rig.further[KEY], key: value}
     with pytest.raises(FormatError, match=told):
-        halves_of(replace(rig, further={**rig.further, KEY: table}))
+        read_record({KEY: table})
+
+
+def test_the_boards_pitch_is_the_scales_uncertainty(rig: Rig) -> None:
+    assert rig.scale_sigma is None
+    board = replace(BOARD, pitch_y_mm=12.5, pitch_sigma_mm=0.0025)
+    assert scale_sigma(board) == pytest.approx(2e-4)

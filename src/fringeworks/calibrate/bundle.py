@@ -79,6 +79,7 @@ def refine(
     settings: CalibrationSettings,
     *,
     poses_only: bool = False,
+    rounds: int = ROUNDS,
 ) -> Fit:
     """Refine a start with all kept corners and the sites of all views.
 
@@ -90,11 +91,13 @@ def refine(
         In the order of `state.camera_from_board`.
     poses_only
         Whether the rig is known, and only the boards move.
+    rounds
+        How often at most it is solved, each time with the weights that the last solution shows.
     """
     free = free_indices(settings, len(views))
     free = free[free >= SHARED] if poses_only else free
     fit = _fit_of(state, views, converged=False)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         problem = _Problem.of(fit, views, (free, settings))
         minimum = minimise(problem.blocks, problem.start, huber=settings.huber)
         before = fit.spread
@@ -102,22 +105,6 @@ def refine(
         if fit.spread.near(before):
             break
     return replace(fit, covariance=_covariance(problem, minimum, settings.huber))
-
-
-def residuals_and_jacobian(state: RigState, views: Sequence[View]) -> tuple[Array, Array]:
-    """``(m,)`` residuals, px, of all kept corners and sites, and ``(m, parameters)`` derivatives.
-
-    Rows: view by view, camera x and y of each corner, then column and row of each site. Columns
-    follow `RigState.vector`.
-    """
-    frame = _frame(views)
-    parts = [_view_block(state, index, (view, frame)) for index, view in enumerate(views)]
-    jacobian = np.zeros((sum(len(part[0]) for part in parts), len(state.vector)))
-    row = 0
-    for residuals, derivative, columns in parts:
-        jacobian[row : row + len(residuals), columns] = derivative
-        row += len(residuals)
-    return np.concatenate([residuals for residuals, _, _ in parts]), jacobian
 
 
 def all_residuals(state: RigState, views: Sequence[View]) -> list[Array]:

@@ -51,7 +51,7 @@ def find_charuco(image: Image, board: CharucoTarget) -> FoundCorners:
     refuse_small(grid, board)
     chosen, corners, steps = chosen[whole], corners[whole], steps[whole]
     refined = refine_saddles(image, corners, steps, arm=_arms(steps, board))
-    return FoundCorners(chosen, refined.pixels, refined.sigma, refined.reasons)
+    return FoundCorners(chosen, refined.pixels, refined.sigma, refined.reasons, refined.blur_px)
 
 
 def charuco_board(board: CharucoTarget) -> cv2.aruco.CharucoBoard:

@@ -15,7 +15,8 @@ from fringeworks.calibrate.start import (
     largest_tilt_deg,
 )
 from fringeworks.errors import CalibrationError
-from fringeworks.model import Finding
+from fringeworks.model import AXES, Capture, Finding
+from fringeworks.phase.bit_order import find_bit_order
 
 LEAST_VIEWS = 3
 GOOD_RMS_PX = 1.0
@@ -48,12 +49,35 @@ def enough_views(views: Sequence[View], failed: Failed) -> None:
                 )
     if len(views) >= LEAST_VIEWS:
         return
-    causes = "".join(f"\n  {name}: {reason}" for name, reason in failed)
+    causes = "".join(f"\n  {names}: {reason}" for names, reason in _by_reason(failed))
     names = ", ".join(view.name for view in views) or "none"
     raise CalibrationError(
         f"at least {LEAST_VIEWS} views of the board are needed, {len(views)} can be used "
         f"({names})" + (f"; {len(failed)} failed:{causes}" if failed else "")
     )
+
+
+def _by_reason(failed: Failed) -> list[tuple[str, str]]:
+    """Names and reason, captures that failed for one reason together."""
+    names: dict[str, list[str]] = {}
+    for name, reason in failed:
+        names.setdefault(reason, []).append(name)
+    return [(", ".join(some), reason) for reason, some in names.items()]
+
+
+def refuse_bit_order(capture: Capture) -> None:
+    """Raise where the bits of a Gray code fit together in another order than they are listed in."""
+    orders = {axis: find_bit_order(capture, axis) for axis in AXES}
+    wrong = [
+        f"along {axis} as {' '.join(str(place + 1) for place in order)}"
+        for axis, order in orders.items()
+        if order is not None
+    ]
+    if wrong:
+        raise CalibrationError(
+            "the Gray bits are out of order: of the images listed they fit together "
+            f"{' and '.join(wrong)}, most significant first; list them so in capture.toml"
+        )
 
 
 def refuse_nonsense(fit: Fit, views: Sequence[View]) -> None:
@@ -95,9 +119,14 @@ def _oblong(fit: Fit) -> float:
     return float(max(fx, fy) / min(fx, fy) - 1)
 
 
+def sites_agree(fit: Fit) -> bool:
+    """Whether what the dense sites leave is mostly their own noise."""
+    return fit.spread.together <= LARGEST_TOGETHER
+
+
 def dense_misfit(fit: Fit) -> Finding | None:
     """Why the dense sites of a fit had better not be used; None where they had."""
-    if fit.spread.together <= LARGEST_TOGETHER:
+    if sites_agree(fit):
         return None
     return Finding(
         "warning",

@@ -117,7 +117,11 @@ def _find_checkerboard(image: Image, board: CheckerboardTarget) -> FoundCorners:
     refuse_small(corners, board)
     refined = refine_saddles(image, corners, grid_steps(corners, board))
     return FoundCorners(
-        np.arange(board.corner_count), refined.pixels, refined.sigma, refined.reasons
+        np.arange(board.corner_count),
+        refined.pixels,
+        refined.sigma,
+        refined.reasons,
+        refined.blur_px,
     )
 
 

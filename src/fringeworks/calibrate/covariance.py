@@ -115,4 +115,6 @@ def read_covariance(further: Mapping[str, Any]) -> Covariance | None:
     matrix = np.zeros((count, count))
     matrix[np.triu_indices(count)] = np.concatenate(table.upper)
     matrix += np.triu(matrix, 1).T
+    if not (np.diag(matrix) > 0).all():
+        raise FormatError(f"the rig's covariance is damaged: {KEY}.upper must have variances > 0")
     return Covariance(tuple(table.names), matrix, table.degrees_of_freedom, table.sigma0)

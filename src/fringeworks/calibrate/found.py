@@ -32,12 +32,15 @@ class FoundCorners:
     reasons
         Why a corner stands where the detector saw it and not to a hundredth of a pixel; empty
         where all is well.
+    blur_px
+        Standard deviation of the image's blur; NaN where it was not fitted.
     """
 
     index: NDArray[np.intp]
     pixels: Points
     sigma: Points
     reasons: tuple[str, ...]
+    blur_px: float = np.nan
 
     def on_board(self, board: Target) -> Points:
         """``(n, 2)`` px of all of the board's corners, NaN where not seen."""

@@ -9,34 +9,30 @@ covariance is too good to be true.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, ValidationError
 
 from fringeworks.calibrate.bundle import Fit, refine
 from fringeworks.calibrate.checks import LEAST_VIEWS
 from fringeworks.calibrate.covariance import Covariance
-from fringeworks.calibrate.record import KEY, CalibrationRecord
+from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.settings import CalibrationSettings
-from fringeworks.calibrate.state import DECENTRING, SHAPE_NAMES, RigState
+from fringeworks.calibrate.state import DECENTRING, RigState
 from fringeworks.calibrate.uncertainty import (
     Field,
     points_by_parameters,
     rigid_motions,
     shared_covariance,
-    state_of,
     triangulate_points,
     variances,
     without_motion,
 )
-from fringeworks.errors import CalibrationError, FormatError
+from fringeworks.errors import CalibrationError
 from fringeworks.geometry.align import align_points
-from fringeworks.geometry.pose import rotation_vector
-from fringeworks.model import Finding, Rig
+from fringeworks.model import Finding
 
 Array = NDArray[np.float64]
 
@@ -70,6 +66,15 @@ class Halves:
         return self.rms_mm / self.predicted_rms_mm
 
     @property
+    def numbers(self) -> dict[str, float]:
+        """What they come to, by name."""
+        return {
+            "rms_mm": self.rms_mm,
+            "predicted_rms_mm": self.predicted_rms_mm,
+            "ratio": self.ratio,
+        }
+
+    @property
     def finding(self) -> Finding | None:
         """A warning where the model's error exceeds that of sampling."""
         if self.ratio <= LARGEST_RATIO:
@@ -87,85 +92,52 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
 
-class _Solved(BaseModel):
-    """What else the record keeps of how it was solved."""
+def compare_halves(
+    state: RigState, views: Sequence[View], settings: CalibrationSettings, *, field: Field
+) -> Halves:
+    """Solve a rig from either half of the views, and compare them.
 
-    model_config = ConfigDict(strict=False, allow_inf_nan=False)
-
-    settings: CalibrationSettings
-    board_shape: dict[str, float]
-
-
-def compare_halves(rig: Rig, record: CalibrationRecord, field: Field) -> Halves:
-    """Solve a rig from either half of the views in its record, and compare them.
-
-    Corners and sites that the calibration left out stay out; both halves start from its solution.
+    Parameters
+    ----------
+    state
+        The solution from all `views`, from which both halves start; what was left out for it
+        stays out.
+    field
+        Of the rig that it is.
 
     Raises
     ------
     CalibrationError
         Fewer than six views, or a half that does not fix a rig.
-    FormatError
-        The record does not say how the rig was solved.
     """
-    count = len(record.views)
-    if count < LEAST_OF_BOTH:
+    if len(views) < LEAST_OF_BOTH:
         raise CalibrationError(
-            f"two halves of the views need at least {LEAST_OF_BOTH} views, got {count}"
+            f"two halves of the views need at least {LEAST_OF_BOTH} views, got {len(views)}"
         )
-    start, settings = _start(rig, record)
-    fits = [_solve_half(start, record, (settings, first)) for first in (0, 1)]
+    parts = [_solve_half(state, views, (settings, first)) for first in (0, 1)]
     one, other = (
-        triangulate_points(fit.state, field.camera_px, field.projector_px) for fit in fits
+        triangulate_points(part.state, field.camera_px, field.projector_px) for part in parts
     )
+    if not np.isfinite(one + other).all():
+        raise CalibrationError("two halves of the views give no points in part of the field")
     turn, shift = align_points(one, other)
     away = np.linalg.norm(one @ turn.T + shift - other, axis=1)
-    by = without_motion(points_by_parameters(start, field), rigid_motions(field.points))
-    covariances = [fit.covariance for fit in fits if fit.covariance is not None]
+    by = without_motion(points_by_parameters(state, field), rigid_motions(field.points))
+    covariances = [part.covariance for part in parts if part.covariance is not None]
     apart = difference_covariance(*covariances, settings=settings)
     predicted = np.sqrt(variances(by, apart).sum(axis=1))
     return Halves(field.maps(away), field.maps(predicted))
 
 
-def _start(rig: Rig, record: CalibrationRecord) -> tuple[RigState, CalibrationSettings]:
-    solved = read_solved(rig.further)
-    poses = [
-        np.concatenate([rotation_vector(pose.rotation), pose.translation_mm])
-        for pose in (view.camera_from_board for view in record.views)
-    ]
-    shape = np.array([solved.board_shape[name] for name in SHAPE_NAMES])
-    state = replace(state_of(rig), camera_from_board=np.array(poses), board_shape=shape)
-    return state, solved.settings
-
-
-def read_solved(further: Mapping[str, Any]) -> _Solved:
-    """Settings and the board's shape in `Rig.further`, as `make_record` wrote them."""
-    try:
-        solved = _Solved.model_validate(further[KEY])
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False)[0]
-        key = ".".join(str(part) for part in (KEY, *first["loc"]))
-        raise FormatError(
-            f"the rig's record of its calibration is damaged: {key}: {first['msg']}"
-        ) from error
-    missing = set(SHAPE_NAMES) - set(solved.board_shape)
-    if missing:
-        raise FormatError(
-            f"the rig's record of its calibration is damaged: {KEY}.board_shape must have "
-            f"{', '.join(SHAPE_NAMES)}, got {', '.join(solved.board_shape) or 'none'}"
-        )
-    return solved
-
-
 def _solve_half(
-    start: RigState, record: CalibrationRecord, choice: tuple[CalibrationSettings, int]
+    start: RigState, views: Sequence[View], choice: tuple[CalibrationSettings, int]
 ) -> Fit:
     settings, first = choice
-    views = [item.view for item in record.views[first::2]]
+    half = views[first::2]
     poses = start.camera_from_board[first::2]
-    fit = refine(replace(start, camera_from_board=poses), views, settings)
+    fit = refine(replace(start, camera_from_board=poses), half, settings)
     if not fit.converged or fit.covariance is None:
-        names = ", ".join(view.name for view in views)
+        names = ", ".join(view.name for view in half)
         raise CalibrationError(f"half of the views ({names}) fixes no rig: compare nothing with it")
     return fit
 

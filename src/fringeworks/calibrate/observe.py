@@ -12,6 +12,7 @@ from fringeworks.calibrate.corners import board_images, find_board, square_sizes
 from fringeworks.calibrate.dense import find_sites
 from fringeworks.calibrate.found import FoundCorners
 from fringeworks.calibrate.local_fit import LocalFit, fit_local
+from fringeworks.calibrate.ripple import Ripple, find_ripples
 from fringeworks.calibrate.settings import CalibrationSettings
 from fringeworks.calibrate.sites import Sites
 from fringeworks.errors import CalibrationError
@@ -56,6 +57,10 @@ class View:
         Which image the corners were found in.
     dense
         Sites all over the board's bright parts; None where the maps were not asked.
+    blur_px
+        Standard deviation of the camera image's blur; NaN where it is not known.
+    ripples
+        Waves in the maps, along with the dense sites.
     """
 
     name: str
@@ -67,6 +72,8 @@ class View:
     reasons: tuple[str, ...]
     image: str = "white frame"
     dense: Sites | None = None
+    blur_px: float = np.nan
+    ripples: tuple[Ripple, ...] = ()
 
     @property
     def corner_sites(self) -> Sites:
@@ -114,6 +121,7 @@ def observe_board(
     board: Target,
     *,
     settings: CalibrationSettings | None = None,
+    mirrored: bool = False,
 ) -> View:
     """Find the board in a capture and read its corners' projector coordinates.
 
@@ -122,11 +130,17 @@ def observe_board(
     ChArUco board only the corners that are seen take part. Where the board's expansion and both
     temperatures are known, its corners are where the warmth has moved them.
 
+    Parameters
+    ----------
+    mirrored
+        Whether a view whose projector coordinates are mirrored is given all the same.
+
     Raises
     ------
     CalibrationError
         Naming the capture: an axis is not coded, the board is not found or too small, too few
-        corners have a projector coordinate, or the projector's image is mirrored.
+        corners have a projector coordinate, or (unless `mirrored`) the projector's image is
+        mirrored.
     """
     settings = settings or CalibrationSettings()
     column, row = _both_axes(capture.name, projector_map)
@@ -146,12 +160,19 @@ def observe_board(
         projector_sigma_px=np.array([[fit.sigma for fit in pair] for pair in fits]),
         reasons=tuple(_judge(pair) for pair in fits),
         image=image,
+        blur_px=found.blur_px,
     )
-    _refuse_bad(view, projector_map)
+    _refuse_few(view, projector_map)
+    if not mirrored:
+        refuse_mirrored(view)
     if not settings.dense:
         return view
     places = found.pixels[view.kept], view.projector_px[view.kept]
-    return replace(view, dense=find_sites(projector_map, places, float(squares.min())))
+    return replace(
+        view,
+        dense=find_sites(projector_map, places, float(squares.min())),
+        ripples=find_ripples(projector_map, found.pixels),
+    )
 
 
 def _both_axes(name: str, projector_map: ProjectorMap) -> tuple[CodedAxis, CodedAxis]:
@@ -193,7 +214,7 @@ def _judge(fits: tuple[LocalFit, LocalFit]) -> str:
     return KEPT
 
 
-def _refuse_bad(view: View, projector_map: ProjectorMap) -> None:
+def _refuse_few(view: View, projector_map: ProjectorMap) -> None:
     kept, offered = int(view.kept.sum()), len(view.reasons)
     if kept < max(LEAST_CORNERS, LEAST_SHARE_OF_CORNERS * offered):
         causes = ", ".join(f"{count} {reason}" for reason, count in view.left_out.items())
@@ -203,7 +224,6 @@ def _refuse_bad(view: View, projector_map: ProjectorMap) -> None:
             f"({causes}); decoded pixels: {shares}. Does the projector's image cover the board, "
             "is it bright enough there, and does capture.toml list the frames in their order?"
         )
-    refuse_mirrored(view)
 
 
 def refuse_mirrored(view: View) -> None:

@@ -8,17 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ValidationError
 
 from fringeworks.calibrate.bundle import Fit, all_residuals, rms_px
+from fringeworks.calibrate.cross_validate import Trial
+from fringeworks.calibrate.halves import Halves
 from fringeworks.calibrate.observe import View
+from fringeworks.calibrate.record_schema import HalvesTable, RecordTable, SitesTable, ViewTable
 from fringeworks.calibrate.settings import CalibrationSettings
 from fringeworks.calibrate.sites import Sites
 from fringeworks.calibrate.state import SHAPE_NAMES
+from fringeworks.calibrate.uncertainty import DEPTHS
 from fringeworks.errors import FormatError
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import Finding, Pose, Target, kind_of
@@ -28,9 +32,7 @@ Array = NDArray[np.float64]
 KEY = "calibration"
 """Where `Rig.further` keeps the record."""
 
-Triple: TypeAlias = tuple[float, float, float]
-Pair: TypeAlias = tuple[float | None, float | None]
-NotNegative = Annotated[float, Field(ge=0)]
+DAMAGED = "the rig's record of its calibration is damaged"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,15 +73,32 @@ class ViewRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibrationRecord:
-    """What `make_record` wrote, as far as anybody reads it; failed captures as (name, reason).
+    """What `make_record` wrote, as far as anybody reads it.
 
-    `rms_of_all_px` holds camera, projector and both over all corners, kept or not.
+    Attributes
+    ----------
+    rms_of_all_px
+        Camera, projector and both over all corners, kept or not.
+    failed_captures
+        As (name, reason).
+    board_shape
+        Of the board, by name; zeros where it was taken as flat.
+    k3
+        What came of setting it free, device by device; none where it was not tried.
+    halves
+        Two halves of the views compared; None where they were not.
+    left_out
+        What could not be told, each with its reason.
     """
 
     views: tuple[ViewRecord, ...]
     rms_of_all_px: tuple[float, float, float]
     findings: tuple[Finding, ...]
     failed_captures: tuple[tuple[str, str], ...]
+    board_shape: Mapping[str, float]
+    k3: tuple[Trial, ...] = ()
+    halves: Halves | None = None
+    left_out: tuple[str, ...] = ()
 
 
 def make_record(
@@ -90,12 +109,15 @@ def make_record(
     settings: CalibrationSettings,
     failed: Sequence[tuple[str, str]],
     findings: Sequence[Finding],
+    k3: Sequence[Trial] = (),
+    halves: Halves | str | None = None,
 ) -> dict[str, Any]:
     """JSON-able record of a calibration; void numbers are None.
 
     Per view: name, pose, root mean squared residuals of the kept corners, counts with reasons,
     and per corner the observations, their standard deviations and residuals, of those left out
-    too. `rms_of_all_px` is over all corners that could be measured, kept or not.
+    too. `rms_of_all_px` is over all corners that could be measured, kept or not. For `halves` a
+    sentence may say why there are none.
     """
     residuals = all_residuals(fit.state, views)
     camera_rms, projector_rms, joint_rms = rms_px(residuals)
@@ -107,6 +129,9 @@ def make_record(
         "rms_of_all_px": {"camera": camera_rms, "projector": projector_rms, "joint": joint_rms},
         "failed_captures": [{"name": name, "reason": reason} for name, reason in failed],
         "findings": [asdict(finding) for finding in findings],
+        "k3": [asdict(trial) for trial in k3],
+        "halves": _plain_halves(halves) if isinstance(halves, Halves) else None,
+        "left_out": [halves] if isinstance(halves, str) else [],
         "views": [
             _view_record(view, pose, part)
             for view, pose, part in zip(views, fit.state.camera_from_board, residuals, strict=True)
@@ -140,6 +165,21 @@ def _view_record(view: View, pose: Array, residuals: Array) -> dict[str, Any]:
     }
 
 
+def _plain_halves(halves: Halves) -> dict[str, Any]:
+    """Numbers first, for who reads the file; maps to four digits."""
+    maps = {
+        "difference_mm": _rounded(halves.difference_mm),
+        "predicted_mm": _rounded(halves.predicted_mm),
+    }
+    return {**halves.numbers, **maps}
+
+
+def _rounded(maps: Array) -> list[list[list[float | None]]]:
+    return [
+        [[float(f"{x:.4g}") if np.isfinite(x) else None for x in row] for row in m] for m in maps
+    ]
+
+
 def _plain_sites(sites: Sites) -> dict[str, list[list[float]]]:
     """Rounded to a thousandth of what a site can tell: there are thousands of them."""
     return {key: np.round(values, 5).tolist() for key, values in asdict(sites).items()}
@@ -148,58 +188,6 @@ def _plain_sites(sites: Sites) -> dict[str, list[list[float]]]:
 def _plain(values: Array) -> list[list[float | None]]:
     """Nested lists with None for NaN."""
     return [[float(x) if np.isfinite(x) else None for x in row] for row in values]
-
-
-class _Table(BaseModel):
-    """Keys that nobody reads back, such as the settings, are free."""
-
-    model_config = ConfigDict(strict=False, allow_inf_nan=False)
-
-
-class _PoseTable(_Table):
-    rotation: tuple[Triple, Triple, Triple]
-    translation_mm: Triple
-
-
-class _SitesTable(_Table):
-    camera_px: list[tuple[float, float]]
-    projector_px: list[tuple[float, float]]
-    sigma_px: list[tuple[float, float]]
-
-
-class _ViewTable(_Table):
-    name: str
-    image: str
-    camera_from_board: _PoseTable
-    camera_rms_px: NotNegative
-    projector_rms_px: NotNegative
-    reasons: list[str]
-    board_mm: list[Triple]
-    camera_px: list[Pair]
-    projector_px: list[Pair]
-    camera_sigma_px: list[Pair]
-    projector_sigma_px: list[Pair]
-    dense: _SitesTable | None = None
-    camera_residual_px: list[Pair]
-    projector_residual_px: list[Pair]
-
-
-class _FailedTable(_Table):
-    name: str
-    reason: str
-
-
-class _RmsTable(_Table):
-    camera: NotNegative
-    projector: NotNegative
-    joint: NotNegative
-
-
-class _RecordTable(_Table):
-    rms_of_all_px: _RmsTable
-    views: Annotated[list[_ViewTable], Field(min_length=1)]
-    findings: list[Finding]
-    failed_captures: list[_FailedTable]
 
 
 def read_record(further: Mapping[str, Any]) -> CalibrationRecord | None:
@@ -213,33 +201,49 @@ def read_record(further: Mapping[str, Any]) -> CalibrationRecord | None:
     if KEY not in further:
         return None
     try:
-        table = _RecordTable.model_validate(further[KEY])
+        table = RecordTable.model_validate(further[KEY])
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         key = ".".join(str(part) for part in (KEY, *first["loc"]))
-        raise FormatError(
-            f"the rig's record of its calibration is damaged: {key}: {first['msg']}"
-        ) from error
+        raise FormatError(f"{DAMAGED}: {key}: {first['msg']}") from error
     over_all = table.rms_of_all_px
     return CalibrationRecord(
         views=tuple(_read_view(view, index) for index, view in enumerate(table.views)),
         rms_of_all_px=(over_all.camera, over_all.projector, over_all.joint),
         findings=tuple(table.findings),
         failed_captures=tuple((failed.name, failed.reason) for failed in table.failed_captures),
+        board_shape=table.board_shape,
+        k3=tuple(table.k3),
+        halves=None if table.halves is None else _read_halves(table.halves),
+        left_out=tuple(table.left_out),
     )
 
 
-def _read_sites(table: _SitesTable, index: int) -> Sites:
+def _read_halves(table: HalvesTable) -> Halves:
+    try:
+        maps = np.array([table.difference_mm, table.predicted_mm], dtype=np.float64)
+    except ValueError:  # rows of several lengths
+        maps = np.empty(0)
+    if maps.ndim != 4 or maps.shape[1] != DEPTHS:
+        raise FormatError(
+            f"{DAMAGED}: {KEY}.halves must hold two maps of one shape at {DEPTHS} depths"
+        )
+    if not np.nansum(maps[1]) > 0 or not np.isfinite(maps[0]).any():
+        raise FormatError(f"{DAMAGED}: {KEY}.halves must hold distances that are known, above 0")
+    return Halves(*maps)
+
+
+def _read_sites(table: SitesTable, index: int) -> Sites:
     parts = [np.array(values) for values in (table.camera_px, table.projector_px, table.sigma_px)]
     if not len(parts[0]) == len(parts[1]) == len(parts[2]) > 0:
         raise FormatError(
-            f"the rig's record of its calibration is damaged: {KEY}.views.{index}.dense must have "
+            f"{DAMAGED}: {KEY}.views.{index}.dense must have "
             f"as many projector_px and sigma_px as camera_px, and at least one"
         )
     return Sites(*parts)
 
 
-def _read_view(table: _ViewTable, index: int) -> ViewRecord:
+def _read_view(table: ViewTable, index: int) -> ViewRecord:
     count = len(table.reasons)
 
     def array(key: str) -> Array:
@@ -247,7 +251,7 @@ def _read_view(table: _ViewTable, index: int) -> ViewRecord:
         values = np.array(getattr(table, key), dtype=np.float64)
         if len(values) != count or not count:
             raise FormatError(
-                f"the rig's record of its calibration is damaged: {KEY}.views.{index}.{key} must "
+                f"{DAMAGED}: {KEY}.views.{index}.{key} must "
                 f"have a row for each of the {count} reasons, got {len(values)}"
             )
         return values

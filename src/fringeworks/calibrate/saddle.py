@@ -54,11 +54,14 @@ class Saddles:
         ``(n, 2)`` standard deviations, px.
     reasons
         Why a corner keeps its start, empty where it was fitted.
+    blur_px
+        Standard deviation of the image's blur: the median of the fitted corners, NaN without.
     """
 
     pixels: Array
     sigma: Array
     reasons: tuple[str, ...]
+    blur_px: float
 
 
 def refine_saddles(
@@ -98,4 +101,5 @@ def refine_saddles(
         pixels=np.where(fitted, results[:, :2], start),
         sigma=np.where(fitted, sigma, FALLBACK_SIGMA_PX),
         reasons=tuple(REASONS[outcome] for outcome in results[:, 5]),
+        blur_px=float(np.median(results[fitted[:, 0], 4])) if fitted.any() else np.nan,
     )

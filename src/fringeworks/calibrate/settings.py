@@ -24,15 +24,9 @@ class ImageSize:
 class CalibrationSettings:
     """What is solved for, and how.
 
-    The defaults were chosen when corners alone were used, and their figures are from then. They
-    stand on the four poses of the real capture procam-graycode and its copy of half
-    the size (leave one pose out, calibrate from the other three, measure the squares, 75 mm, of
-    the fourth), and on rendered captures of lenses with decentring. On the former k1 and k2 alone
-    give squares within 0.04 mm (half size: 0.05), p1 and p2 set free 0.11 mm (0.18), held
-    by `decentring_sigma` 0.05 mm (0.07). On the latter, 12 poses and |p| of 1e-3, holding them at
-    zero leaves 0.035 mm on a wall and moves principal points by 5 px; held loosely they come
-    out and 0.015 mm is left. k3 buys nothing. Plain least squares with nothing left out
-    errs by up to 0.21 mm (0.24): one corner of that board is curled by several millimetres.
+    k1 and k2 are free, and k3 where cross-validation wants it: on a narrow lens it does nothing but
+    scatter. p1 and p2 are free and held loosely: three views of a board hardly tell them from the
+    principal point, a dozen do, and lenses have them.
 
     Attributes
     ----------
@@ -54,6 +48,8 @@ class CalibrationSettings:
         Of all views: a plane, or a paraboloid whose two heights are solved for too.
     dense
         Whether the decoded maps are read all over the board, or about its corners alone.
+    try_k3
+        Whether k3 of a lens is set free where cross-validation wants it, see `cross_validate`.
     """
 
     camera_free: tuple[str, ...] = LENS_DEFAULT
@@ -65,6 +61,7 @@ class CalibrationSettings:
     decentring_sigma: float = 5e-4
     board_shape: BoardModel = "flat"
     dense: bool = True
+    try_k3: bool = True
 
     def __post_init__(self) -> None:
         unknown = {*self.camera_free, *self.projector_free} - set(LENS_NAMES)

@@ -9,26 +9,36 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.bundle import Fit, refine, rms_px
+from fringeworks.calibrate.bundle import Fit, refine
+from fringeworks.calibrate.causes import (
+    MIRRORED,
+    Sizes,
+    bowed_board,
+    explain_view,
+    first_fit,
+    name_bad_view,
+    odd_view,
+    part_mirrored,
+)
 from fringeworks.calibrate.checks import (
-    GOOD_RMS_PX,
     LEAST_VIEWS,
     Failed,
     dense_misfit,
     enough_views,
     findings,
+    refuse_bit_order,
     refuse_nonsense,
 )
-from fringeworks.calibrate.covariance import KEY as COVARIANCE_KEY
+from fringeworks.calibrate.cross_validate import Trial, choose_lenses
+from fringeworks.calibrate.noticed import notice, odd_regions
 from fringeworks.calibrate.observe import View, observe_board
-from fringeworks.calibrate.record import KEY, make_record
+from fringeworks.calibrate.outcome import Solution, make_rig
 from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
-from fringeworks.calibrate.start import start_state
 from fringeworks.calibrate.state import RigState
 from fringeworks.calibrate.trim import (
     LARGEST_SHARE_OF_VIEWS,
@@ -37,21 +47,17 @@ from fringeworks.calibrate.trim import (
     worst_view,
 )
 from fringeworks.errors import CalibrationError, DecodeError, FormatError
-from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import (
-    Camera,
     Capture,
     Finding,
-    Lens,
-    Pose,
-    Projector,
-    Quality,
     Rig,
     Target,
 )
 from fringeworks.phase.decode import decode_capture
 
 Array = NDArray[np.float64]
+Left: TypeAlias = list[tuple[View, str]]
+"""Views that were left out, each with the reason."""
 
 
 def calibrate_captures(
@@ -86,7 +92,7 @@ def calibrate_captures(
     failed: list[tuple[str, str]] = []
     sizes: tuple[ImageSize, ImageSize] | None = None
     for capture in captures:
-        sizes = _same_sizes(capture, sizes)
+        sizes = same_sizes(capture, sizes)
         try:
             views.append(_observe(capture, board, settings))
         except (CalibrationError, DecodeError, FormatError) as error:
@@ -133,34 +139,33 @@ def calibrate_rig(
         coordinates; the refinement does not settle, or leaves more than 5 px rms in a device
         (naming the worst view and what to look for).
     """
-    settings = settings or CalibrationSettings()
-    enough_views(views, failed)
+    settings, sizes = settings or CalibrationSettings(), (camera_size, projector_size)
+    solved = _solve(views, sizes, (settings, failed))
+    k3: Sequence[Trial] = ()
+    if settings.try_k3:
+        richer, k3 = choose_lenses(solved.fit, solved.views, settings)
+        if richer != settings:  # from the start: what a poor lens had left out may fit now
+            settings, solved = richer, _solve(views, sizes, (richer, failed))
+    return make_rig(solved, board, sizes=sizes, settings=settings, k3=k3)
+
+
+def _solve(
+    views: Sequence[View], sizes: Sizes, choices: tuple[CalibrationSettings, Failed]
+) -> Solution:
+    settings, failed = choices
+    views, mirrored = part_mirrored(views, sizes, settings)
+    enough_views(views, [*failed, *((view.name, MIRRORED) for view in mirrored)])
     try:
-        fit = _first_fit(_corners_only(views), camera_size, settings)
+        fit = first_fit(_corners_only(views), sizes[0], settings)
     except CalibrationError as error:
-        raise CalibrationError(f"{error}{_blame(views, camera_size, settings)}") from error
-    fit, views, failed = _without_contradictions(fit, views, (settings, failed))
-    fit, views, found = _with_dense_sites(fit, views, settings)
-    record = make_record(
-        fit,
-        views,
-        board=board,
-        settings=settings,
-        failed=failed,
-        findings=[*findings(fit, views, failed), *found],
-    )
-    offered = sum(len(view.reasons) for view in views) + len(failed) * board.corner_count
-    state = fit.state
-    return Rig(
-        camera=Camera(camera_size.width, camera_size.height, Lens.from_vector(state.camera)),
-        projector=Projector(
-            projector_size.width, projector_size.height, Lens.from_vector(state.projector)
-        ),
-        projector_from_camera=_pose(state.projector_from_camera),
-        volume_mm=_depth_range(state, views),
-        quality=_quality(fit, offered),
-        further=_further(fit, record),
-    )
+        raise CalibrationError(f"{error}{name_bad_view(views, sizes, settings)}") from error
+    fit, views, left = _without_contradictions(fit, views, settings)
+    fit, views, odd, found = _with_dense_sites(fit, views, settings)
+    left += [*odd, *((view, MIRRORED) for view in mirrored)]
+    reasons = ((v.name, f"{reason}; {explain_view(v, fit, sizes)}") for v, reason in left)
+    failed = [*failed, *reasons]
+    found = [*findings(fit, views, failed), *notice(fit, views, sizes), *found]
+    return Solution(fit, views, failed, found)
 
 
 def _corners_only(views: Sequence[View]) -> list[View]:
@@ -168,10 +173,13 @@ def _corners_only(views: Sequence[View]) -> list[View]:
 
 
 def _without_contradictions(
-    fit: Fit, views: Sequence[View], choices: tuple[CalibrationSettings, Failed]
-) -> tuple[Fit, Sequence[View], Failed]:
-    """Solved again without the worst corners, then without each view that still contradicts."""
-    settings, failed = choices
+    fit: Fit, views: Sequence[View], settings: CalibrationSettings
+) -> tuple[Fit, Sequence[View], Left]:
+    """Solved again without the worst corners, then without each view that still contradicts.
+
+    These are given too, each with its reason.
+    """
+    left: Left = []
     trimmed = leave_out_corners(fit, views, settings)
     if trimmed is not views:
         views, fit = trimmed, _again(fit.state, _corners_only(trimmed), settings)
@@ -180,30 +188,39 @@ def _without_contradictions(
         if found is None or len(views) == LEAST_VIEWS:
             break
         index, reason = found
-        failed = [*failed, (views[index].name, reason)]
+        left.append((views[index], reason))
         views = [*views[:index], *views[index + 1 :]]
         poses = np.delete(fit.state.camera_from_board, index, axis=0)
         start = replace(fit.state, camera_from_board=poses)
         fit = _again(start, _corners_only(views), settings)
-    return fit, views, failed
+    return fit, views, left
 
 
 def _with_dense_sites(
     fit: Fit, views: Sequence[View], settings: CalibrationSettings
-) -> tuple[Fit, Sequence[View], list[Finding]]:
+) -> tuple[Fit, Sequence[View], Left, list[Finding]]:
     """Solved again with the dense sites, where there are any, and without the worst of those.
 
-    With the corners' own alone, and a finding, where the board is not flat enough for them.
+    Without one view, given with the reason, where all others then agree; with the corners' own
+    alone, and a finding, where the board is not flat enough for them.
     """
     if all(view.dense is None for view in views):
-        return fit, views, []
+        return fit, views, [], _as_list(bowed_board(fit, views, settings))
     dense = _again(fit.state, views, settings)
     trimmed = leave_out_sites(dense, views)
     dense = _again(dense.state, trimmed, settings)
-    misfit = dense_misfit(dense)
+    misfit, bowed = dense_misfit(dense), bowed_board(dense, trimmed, settings)
     if misfit is None:
-        return dense, trimmed, []
-    return fit, _corners_only(views), [misfit]
+        return dense, trimmed, [], _as_list(bowed or odd_regions(dense, trimmed))
+    odd = None if bowed else odd_view(dense, trimmed, settings)
+    if odd is None:
+        return fit, _corners_only(views), [], [bowed or misfit]
+    index, better, reason = odd
+    return better, [*trimmed[:index], *trimmed[index + 1 :]], [(trimmed[index], reason)], []
+
+
+def _as_list(finding: Finding | None) -> list[Finding]:
+    return [] if finding is None else [finding]
 
 
 def _again(start: RigState, views: Sequence[View], settings: CalibrationSettings) -> Fit:
@@ -212,43 +229,13 @@ def _again(start: RigState, views: Sequence[View], settings: CalibrationSettings
     return fit
 
 
-def _further(fit: Fit, record: dict[str, Any]) -> dict[str, Any]:
-    if fit.covariance is None:
-        return {KEY: record}
-    return {KEY: record, COVARIANCE_KEY: fit.covariance.as_plain()}
-
-
-def _first_fit(views: Sequence[View], camera_size: ImageSize, settings: CalibrationSettings) -> Fit:
-    """A refined fit that is no nonsense, else `CalibrationError`."""
-    return _again(start_state(views, camera_size), views, settings)
-
-
-def _blame(views: Sequence[View], camera_size: ImageSize, settings: CalibrationSettings) -> str:
-    """A sentence naming the one view without which all others fit, empty if there is none.
-
-    For the message of a failure: it solves once per view.
-    """
-    if len(views) <= LEAST_VIEWS:
-        return ""
-    better = {}
-    for index, view in enumerate(views):
-        others = _corners_only([*views[:index], *views[index + 1 :]])
-        try:
-            better[view.name] = rms_px(_first_fit(others, camera_size, settings).corners)[2]
-        except CalibrationError:
-            continue
-    name = min(better, key=lambda key: better[key], default="")
-    if not name or better[name] > GOOD_RMS_PX:
-        return ""
-    return f". Without {name} the others fit to {better[name]:.2f} px: look at that capture first"
-
-
 def _observe(capture: Capture, board: Target, settings: CalibrationSettings) -> View:
     capture = capture.select()
-    return observe_board(capture, decode_capture(capture), board, settings=settings)
+    refuse_bit_order(capture)
+    return observe_board(capture, decode_capture(capture), board, settings=settings, mirrored=True)
 
 
-def _same_sizes(
+def same_sizes(
     capture: Capture, before: tuple[ImageSize, ImageSize] | None
 ) -> tuple[ImageSize, ImageSize]:
     """Camera and projector size of the capture, which must be those of the captures before."""
@@ -262,31 +249,3 @@ def _same_sizes(
                 f"captures before {then.width} x {then.height}: all captures must share one rig"
             )
     return sizes
-
-
-def _pose(values: Array) -> Pose:
-    return Pose(rotation_matrix(values[:3]), values[3:].copy())
-
-
-def _depth_range(state: RigState, views: Sequence[View]) -> tuple[float, float]:
-    """Smallest and largest z, mm, of the kept corners in the camera's frame."""
-    depths = np.concatenate(
-        [
-            view.kept_in_camera(pose)[:, 2]
-            for view, pose in zip(views, state.camera_from_board, strict=True)
-        ]
-    )
-    return float(depths.min()), float(depths.max())
-
-
-def _quality(fit: Fit, offered: int) -> Quality:
-    """Root mean squares over all kept corners; one corner in one view is one observation."""
-    camera, projector, joint = rms_px(fit.corners)
-    return Quality(
-        camera_rms_px=camera,
-        projector_rms_px=projector,
-        joint_rms_px=joint,
-        views_used=len(fit.corners),
-        observations_used=sum(len(part) for part in fit.corners),
-        observations_offered=offered,
-    )

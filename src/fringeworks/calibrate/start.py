@@ -25,6 +25,14 @@ from fringeworks.geometry.pose import rotation_matrix, rotation_vector
 Array = NDArray[np.float64]
 
 LARGEST_RMS_PX = 5.0
+POSSIBLE_MM = (10.0, 50_000.0)
+"""Distances of a board; with its pitch in m or in micrometres it comes out beyond them."""
+
+USUAL_MM = (100.0, 20_000.0)
+"""Those that need no question."""
+
+UNITS_MM = {"m": 1000.0, "inches": 25.4, "cm": 10.0, "um": 1e-3}
+
 LEAST_TILT_DEG = 10.0
 """Largest angle between two boards' normals below which focal length and distance are one."""
 
@@ -41,13 +49,15 @@ def start_state(views: Sequence[View], camera_size: ImageSize) -> RigState:
     Raises
     ------
     CalibrationError
-        A view is mirrored, the camera's corners fix no lens or do not fit a board, the board has
-        nearly the same orientation in all views, or no projector explains its coordinates.
+        A view is mirrored, the camera's corners fix no lens or do not fit a board, the board is
+        impossibly near or far or has nearly the same orientation in all views, or no projector
+        explains its coordinates.
     """
     for view in views:
         refuse_mirrored(view)
     camera, boards = _camera_start(views, camera_size)
     _refuse_camera(camera, boards, views)
+    _refuse_distance(boards)
     tilt = largest_tilt_deg(boards)
     if tilt < LEAST_TILT_DEG:
         raise CalibrationError(
@@ -76,6 +86,27 @@ def _refuse_camera(camera: Array, boards: Array, views: Sequence[View]) -> None:
             f"({rms[worst]:.1f} px rms): are the board's counts and pitches right, is it flat, "
             "and is every capture from the same camera at the same focus?"
         )
+
+
+def _refuse_distance(boards: Array) -> None:
+    """Raise where the board stands where none can."""
+    distance = float(np.median(boards[:, 5]))
+    if POSSIBLE_MM[0] <= distance <= POSSIBLE_MM[1]:
+        return
+    raise CalibrationError(
+        f"the board comes out {distance:.3g} mm from the camera: the pitch in board.toml must be "
+        f"in mm{other_units(distance)}"
+    )
+
+
+def other_units(distance_mm: float) -> str:
+    """By which units of the pitch a board's distance would be a usual one."""
+    usual = [
+        f" (were it in {unit}, {distance_mm * size:.0f} mm)"
+        for unit, size in UNITS_MM.items()
+        if USUAL_MM[0] <= distance_mm * size <= USUAL_MM[1]
+    ]
+    return "".join(usual)
 
 
 def largest_tilt_deg(camera_from_board: Array) -> float:

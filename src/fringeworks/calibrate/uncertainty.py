@@ -39,9 +39,9 @@ from fringeworks.model import Rig
 
 Array = NDArray[np.float64]
 
-ROWS, COLUMNS = 16, 24
+DEPTHS, ROWS, COLUMNS = 3, 16, 24
 MIDDLE = 1
-"""Index of the middle one of the three depths."""
+"""Index of the middle one of the depths."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

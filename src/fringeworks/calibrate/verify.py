@@ -1,7 +1,7 @@
 """Whether a rig still holds: one new view of a board, beside what the calibration's views have.
 
 The same numbers of those views, from the rig's record, say what is usual, whatever the board is
-like; a rig without a record is judged by fixed limits.
+like; a rig without a record, or of paper mode, is judged by fixed limits.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fringeworks.calibrate.misfit import Misfit, Seen, hold_against
 from fringeworks.calibrate.moved import Explanation, explain
 from fringeworks.calibrate.observe import View, observe_board
+from fringeworks.calibrate.projected_record import model_of
 from fringeworks.calibrate.record import read_record
 from fringeworks.calibrate.settings import CalibrationSettings
 from fringeworks.errors import CalibrationError, ShapeError
@@ -148,8 +149,8 @@ def verify_view(view: View, rig: Rig, board: Target) -> Verification:
 def _limits(rig: Rig) -> tuple[Misfit, str]:
     """What would be too much, px, and whence it is in words."""
     record = read_record(rig.further)
-    if record is None:
-        source = "fixed, since the rig has no record of its calibration"
+    if record is None or model_of(rig.further) == "paper":
+        source = "fixed, since the rig has no record of corners that both devices see"
         return _limits_of(FIXED_LIMIT_PX, FIXED_LIMIT_PX), source
     found = [hold_against(entry.view, rig).misfit for entry in record.views]
     count = len(found)
