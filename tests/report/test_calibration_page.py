@@ -12,6 +12,7 @@ import pytest
 from fringeworks.calibrate import ImageSize, calibrate_rig
 from fringeworks.calibrate.covariance import KEY as COVARIANCE_KEY
 from fringeworks.calibrate.covariance import Covariance, read_covariance
+from fringeworks.calibrate.halves import Halves
 from fringeworks.calibrate.uncertainty import lay_field, pixel_sigma, point_sigma
 from fringeworks.errors import FormatError
 from fringeworks.model import Rig
@@ -172,15 +173,19 @@ def test_figures_show_the_maps_over_the_whole_image(rig: Rig, judged: Judged) ->
     np.testing.assert_allclose(np.asarray(shown), 1e3 * sigma.depth_mm[0])
 
 
+def with_halves(judged: Judged, halves: Halves) -> Judged:
+    """The same with other halves and what is found of them, as a calibration keeps both."""
+    found = () if halves.finding is None else (halves.finding,)
+    record = replace(judged.record, halves=halves, findings=(*judged.record.findings, *found))
+    return replace(judged, record=record)
+
+
 def test_large_lengths_are_shown_in_mm(judged: Judged) -> None:
     assert judged.halves is not None
-    far = replace(judged.halves, difference_mm=np.full((3, 16, 24), 7.5))
-    far = replace(far, predicted_mm=np.full((3, 16, 24), 2.5))
+    far = Halves(np.full((3, 16, 24), 7.5), np.full((3, 16, 24), 2.5))
     figure = draw_halves(far, judged.rig.camera)
     assert np.asarray(figure.axes[0].images[0].get_array()).max() == 7.5
-    (numbers,) = blocks_under(
-        make_calibration_page(replace(judged, halves=far)), "How well it fits"
-    )
+    (numbers,) = blocks_under(make_calibration_page(with_halves(judged, far)), "How well it fits")
     assert isinstance(numbers, Numbers)
     assert numbers.items[-1].value == "7.50 mm"
 
@@ -188,7 +193,7 @@ def test_large_lengths_are_shown_in_mm(judged: Judged) -> None:
 def test_a_contradiction_of_the_halves_is_a_finding(judged: Judged) -> None:
     assert judged.halves is not None
     worse = replace(judged.halves, difference_mm=10 * judged.halves.predicted_mm)
-    page = make_calibration_page(replace(judged, halves=worse))
+    page = make_calibration_page(with_halves(judged, worse))
     (table,) = page.sections[0].blocks
     assert isinstance(table, Table)
     assert "10.0 times what their scatter predicts" in table.rows[-1][0]
@@ -196,6 +201,18 @@ def test_a_contradiction_of_the_halves_is_a_finding(judged: Judged) -> None:
     assert isinstance(numbers, Numbers)
     assert numbers.items[-1].verdict is not None
     assert numbers.items[-1].verdict.grade == "bad"
+
+
+def test_the_scale_stands_where_it_is_known(rig: Rig, page: Page) -> None:
+    (numbers,) = blocks_under(page, "How well it fits")
+    assert isinstance(numbers, Numbers)
+    assert "scale known to" not in {number.name for number in numbers.items}
+    assert "does not say" in words_under(page, "How well points and pixels are known")
+    known = make_calibration_page(judge_calibration(replace(rig, scale_sigma=1.5e-4)))
+    (numbers,) = blocks_under(known, "How well it fits")
+    assert isinstance(numbers, Numbers)
+    assert {number.name: number for number in numbers.items}["scale known to"].value == "1.5e-04"
+    assert "a share of 1.5e-04" in words_under(known, "How well points and pixels are known")
 
 
 def test_few_views_leave_the_halves_out_with_a_sentence() -> None:

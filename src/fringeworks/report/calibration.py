@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from fringeworks.calibrate.record import ViewRecord, read_record
@@ -97,6 +98,7 @@ def _scatter(axes: Axes, residuals: Sequence[Array], rms: float) -> None:
     axes.set_aspect("equal")
     axes.set_xlim(-reach, reach)
     axes.set_ylim(reach, -reach)
+    axes.xaxis.set_major_locator(MaxNLocator(5))  # more of them run into each other
     axes.set_xlabel("measured - projected x, px" + (f"  ({beyond} outside)" if beyond else ""))
     axes.set_ylabel("measured - projected y, px")
 

@@ -59,22 +59,29 @@ def make_calibration_page(judged: Judged) -> Page:
 
 def _lead(judged: Judged) -> str:
     rig, quality = judged.rig, judged.quality
+    further = (
+        "below stands how well points are known, and whether halves of the views agree."
+        if judged.covariance is not None
+        else "how well points are known is not told here."
+    )
+    paper = " and a projected checkerboard, as the paper does" if judged.model == "paper" else ""
     return (
         f"A camera of {rig.camera.width}x{rig.camera.height} px and a projector of "
         f"{rig.projector.width}x{rig.projector.height} px, {rig.baseline_mm:.1f} mm apart, from "
-        f"{quality.views_used} views of a board. Small residuals alone do not make a calibration "
-        "good: below stands how well points are known, and whether halves of the views agree."
+        f"{quality.views_used} views of a board{paper}. Small residuals alone do not make a "
+        f"calibration good: {further}"
     )
 
 
 def _findings(judged: Judged) -> Block:
-    if not judged.findings:
+    found = judged.record.findings
+    if not found:
         agree = ", and two halves of the views agree" if judged.halves is not None else ""
         return Text(f"No finding: all captures gave a view, tilted enough, that fits{agree}.")
     return Table(
         ("finding", "what to do"),
-        [(found.message, found.remedy) for found in judged.findings],
-        verdicts=[Verdict("doubtful", found.severity) for found in judged.findings],
+        [(one.message, one.remedy) for one in found],
+        verdicts=[Verdict("doubtful", one.severity) for one in found],
     )
 
 
@@ -87,6 +94,10 @@ def _numbers(judged: Judged) -> Iterator[Number]:
     kept = f"{quality.observations_used} of {quality.observations_offered}"
     yield Number("corners kept", kept, f"joint rms over all: {record.rms_of_all_px[2]:.3f} px")
     yield from _lengths(judged)
+    if judged.rig.scale_sigma is not None:
+        yield Number(
+            "scale known to", f"{judged.rig.scale_sigma:.1e}", "1 sd, by the board's pitch"
+        )
     yield from _judgements(judged)
 
 
@@ -173,8 +184,7 @@ def _uncertainty(judged: Judged) -> Iterator[Block]:
     yield Text(
         "What the scatter of the observations leaves open in the parameters, carried through the "
         "triangulation: an error that all scans with this rig share, beside the random one that "
-        "every cloud tells. The board's own pitch is not in it: if that is wrong by 1e-3, so is "
-        "every length.\n\n"
+        f"every cloud tells. The board's own pitch is not in it: {_scale(rig)}.\n\n"
         "Aligned means that the rigid motion that fits best over all points shown is taken out: a "
         "cloud that is turned and shifted as a whole measures the same. As it stands is "
         "what counts where coordinates in the camera's frame matter."
@@ -195,10 +205,19 @@ def _uncertainty(judged: Judged) -> Iterator[Block]:
     )
 
 
+def _scale(rig: Rig) -> str:
+    if rig.scale_sigma is None:
+        return "if that is wrong by 1e-3, so is every length (board.toml does not say how well " + (
+            "it is known)"
+        )
+    return f"it is known to a share of {rig.scale_sigma:.1e} (1 sd), and so is every length"
+
+
 def _halves(judged: Judged) -> Iterator[Block]:
     halves = judged.halves
     if halves is None:
-        yield Text(f"Left out: {judged.lacks[-1]}.")
+        why = judged.record.left_out or ("the rig's record keeps none",)
+        yield Text(f"Left out: {why[-1]}.")
         return
     yield Text(
         "The rig was solved again from every other view, and from the rest. Both rigs triangulate "
@@ -218,5 +237,5 @@ def _parameters(judged: Judged) -> Iterator[Block]:
     if judged.covariance is None:
         yield Text(f"No standard deviations: {judged.lacks[0]}.")
         return
-    yield parameter_table(judged.rig, judged.covariance)
+    yield parameter_table(judged.rig, judged.covariance, judged.record.board_shape)
     yield correlation_table(judged.covariance)

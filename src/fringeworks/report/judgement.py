@@ -1,6 +1,6 @@
 """All that can be said about a calibration from the rig alone: what its page and JSON show.
 
-The rig's file keeps the observations and the covariance.
+The rig's file keeps the observations, the covariance, and what two halves of the views came to.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.calibrate.covariance import Covariance, read_covariance
-from fringeworks.calibrate.halves import Halves, compare_halves
+from fringeworks.calibrate.halves import Halves
+from fringeworks.calibrate.projected_record import model_of
 from fringeworks.calibrate.record import CalibrationRecord, read_record
 from fringeworks.calibrate.uncertainty import Field, lay_field, point_sigma
-from fringeworks.errors import CalibrationError, FormatError, UsageError
-from fringeworks.model import Finding, Quality, Rig
+from fringeworks.errors import FormatError, UsageError
+from fringeworks.model import Quality, Rig
 from fringeworks.report.parameters import PARTS
 from fringeworks.report.summary import Summary, summarise_record, summarise_rig
 
@@ -29,18 +30,21 @@ class Judged:
     record: CalibrationRecord
     covariance: Covariance | None
     field: Field | None
-    halves: Halves | None
     lacks: tuple[str, ...]
 
     @property
-    def findings(self) -> list[Finding]:
-        """Those of the calibration, and that of the halves."""
-        found = None if self.halves is None else self.halves.finding
-        return [*self.record.findings, *([] if found is None else [found])]
+    def model(self) -> str:
+        """``joint`` or ``paper``."""
+        return model_of(self.rig.further)
+
+    @property
+    def halves(self) -> Halves | None:
+        """Two halves of the views compared; None where they could not be."""
+        return self.record.halves
 
 
 def judge_calibration(rig: Rig) -> Judged:
-    """Look at a rig in every way that its record allows; it solves two halves of its views.
+    """Look at a rig in every way that its record allows.
 
     Raises
     ------
@@ -50,37 +54,28 @@ def judge_calibration(rig: Rig) -> Judged:
     record = read_record(rig.further)
     if record is None or rig.quality is None:
         raise FormatError("the rig keeps no record of its calibration: nothing to report")
-    covariance, field, halves = read_covariance(rig.further), None, None
+    covariance, field = read_covariance(rig.further), None
     lacks = []
-    if covariance is None:
+    if covariance is None and model_of(rig.further) != "paper":  # the paper's record says why
         lacks.append("no covariance: the views leave some parameter open")
     try:
         field = lay_field(rig)
-        halves = compare_halves(rig, record, field)
-    except (CalibrationError, UsageError) as error:
+    except UsageError as error:
         lacks.append(str(error))
-    return Judged(rig, rig.quality, record, covariance, field, halves, tuple(lacks))
+    return Judged(rig, rig.quality, record, covariance, field, (*lacks, *record.left_out))
 
 
 def summarise_judged(judged: Judged) -> Summary:
     """All numbers of the page in plain values."""
-    halves, covariance = judged.halves, judged.covariance
+    covariance = judged.covariance
     return {
         "quality": asdict(judged.quality),
         **summarise_record(judged.record),
-        "findings": [str(found) for found in judged.findings],
         "rig": summarise_rig(judged.rig),
         "sigma": None if covariance is None else covariance.only(*PARTS).sigma,
         "systematic": None
         if covariance is None or judged.field is None
         else point_medians(judged.rig, covariance, judged.field),
-        "halves": None
-        if halves is None
-        else {
-            "rms_mm": halves.rms_mm,
-            "predicted_rms_mm": halves.predicted_rms_mm,
-            "ratio": halves.ratio,
-        },
         "left_out": list(judged.lacks),
     }
 

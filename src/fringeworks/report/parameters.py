@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from fringeworks.calibrate.covariance import Covariance
-from fringeworks.calibrate.halves import read_solved
 from fringeworks.calibrate.state import parameter_names
 from fringeworks.calibrate.uncertainty import state_of
 from fringeworks.model import Rig
@@ -21,16 +21,15 @@ SIGNIFICANT = 2
 """Digits of a standard deviation; of its value as many decimals."""
 
 
-def parameter_values(rig: Rig) -> dict[str, float]:
+def parameter_values(rig: Rig, board_shape: Mapping[str, float]) -> dict[str, float]:
     """What all views share, by name."""
     shared = dict(zip(parameter_names(()), state_of(rig).vector.tolist(), strict=True))
-    shape = read_solved(rig.further).board_shape
-    return {**shared, **{f"board.{name}": value for name, value in shape.items()}}
+    return {**shared, **{f"board.{name}": value for name, value in board_shape.items()}}
 
 
-def parameter_table(rig: Rig, covariance: Covariance) -> Table:
+def parameter_table(rig: Rig, covariance: Covariance, board_shape: Mapping[str, float]) -> Table:
     """Every parameter that was solved for."""
-    values = parameter_values(rig)
+    values = parameter_values(rig, board_shape)
     rows = [
         (f"`{name}`", *with_sigma(values[name], sigma), _unit(name))
         for name, sigma in covariance.only(*PARTS).sigma.items()

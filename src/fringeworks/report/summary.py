@@ -6,6 +6,7 @@ Units stand in the names; NaN is None, which JSON knows.
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -91,6 +92,7 @@ def summarise_cloud(cloud: Cloud) -> Summary:
         "z_mm": {"p1": float(low), "median": float(np.median(points[:, 2])), "p99": float(high)},
         "sigma_mm_median": _median(cloud.sigma_mm),
         "epipolar_rms_px": float(np.sqrt(np.mean(epipolar**2))) if epipolar.size else None,
+        "scale_sigma": cloud.scale_sigma,
     }
 
 
@@ -106,11 +108,12 @@ def summarise_truth(truth: Truth) -> Summary:
     }
 
 
-def summarise_plane(plane: PlaneFit) -> Summary:
-    """The plane and how far its points lie from it."""
+def summarise_plane(plane: PlaneFit, scale_sigma: float | None = None) -> Summary:
+    """The plane and how far its points lie from it; `scale_sigma` is the cloud's."""
     return {
         "normal": [float(value) for value in plane.normal],
         "offset_mm": plane.offset_mm,
+        "offset_scale_sigma_mm": _by_scale(abs(plane.offset_mm), scale_sigma),
         "flatness_mm": plane.flatness_mm,
         "form_rms_mm": plane.form_rms_mm,
         "band95_mm": plane.band95_mm,
@@ -118,32 +121,38 @@ def summarise_plane(plane: PlaneFit) -> Summary:
     }
 
 
-def summarise_sphere(sphere: SphereFit) -> Summary:
-    """The sphere and how far its points lie from it."""
+def summarise_sphere(sphere: SphereFit, scale_sigma: float | None = None) -> Summary:
+    """The sphere and how far its points lie from it; `scale_sigma` is the cloud's."""
     return {
         "centre_mm": [float(value) for value in sphere.centre_mm],
-        **_round(sphere),
+        **_round(sphere, scale_sigma),
     }
 
 
-def summarise_cylinder(cylinder: CylinderFit) -> Summary:
-    """The cylinder and how far its points lie from it."""
+def summarise_cylinder(cylinder: CylinderFit, scale_sigma: float | None = None) -> Summary:
+    """The cylinder and how far its points lie from it; `scale_sigma` is the cloud's."""
     return {
         "axis_point_mm": [float(value) for value in cylinder.axis_point_mm],
         "axis_direction": [float(value) for value in cylinder.axis_direction],
-        **_round(cylinder),
+        **_round(cylinder, scale_sigma),
     }
 
 
-def _round(form: SphereFit | CylinderFit) -> Summary:
+def _round(form: SphereFit | CylinderFit, scale_sigma: float | None) -> Summary:
     return {
         "radius_mm": form.radius_mm,
         "radius_sigma_mm": form.radius_sigma_mm,
+        "radius_scale_sigma_mm": _by_scale(form.radius_mm, scale_sigma),
         "form_rms_mm": form.form_rms_mm,
         "range_mm": form.range_mm,
         "band95_mm": form.band95_mm,
         "points": len(form.deviations_mm),
     }
+
+
+def _by_scale(length_mm: float, scale_sigma: float | None) -> float | None:
+    """What of a length's standard deviation, mm, its scale alone makes."""
+    return None if scale_sigma is None else length_mm * scale_sigma
 
 
 def summarise_rig(rig: Rig) -> Summary:
@@ -157,6 +166,7 @@ def summarise_rig(rig: Rig) -> Summary:
         "translation_mm": [float(value) for value in rig.projector_from_camera.translation_mm],
         "rotation_deg": math.degrees(angle),
         "volume_mm": None if rig.volume_mm is None else list(rig.volume_mm),
+        "scale_sigma": rig.scale_sigma,
     }
 
 
@@ -167,15 +177,19 @@ def _lens(lens: Lens, width: int, height: int) -> Summary:
 
 
 def summarise_record(record: CalibrationRecord | None) -> Summary:
-    """Views with residuals and what was kept, failed captures, findings; empty without a record."""
+    """Views, failed captures, findings, k3, halves, what is left out; empty without a record."""
     if record is None:
-        return {"views": [], "failed_captures": [], "findings": []}
+        empty: Summary = {key: [] for key in ("views", "failed_captures", "findings", "k3")}
+        return {**empty, "halves": None, "left_out": []}
     return {
         "views": [_view(view) for view in record.views],
         "failed_captures": [
             {"name": name, "reason": reason} for name, reason in record.failed_captures
         ],
         "findings": [str(finding) for finding in record.findings],
+        "k3": [asdict(trial) for trial in record.k3],
+        "halves": None if record.halves is None else record.halves.numbers,
+        "left_out": list(record.left_out),
     }
 
 

@@ -21,7 +21,7 @@ ARROW_SHARE = 0.05
 """Length of the largest miss as a share of the image's width."""
 
 
-def summarise_verification(found: Verification) -> dict[str, Any]:
+def summarise_verification(found: Verification, rig: Rig) -> dict[str, Any]:
     """Verdict, numbers with their limits, and what moved; units stand in the names."""
     moved = found.moved
     return {
@@ -34,6 +34,7 @@ def summarise_verification(found: Verification) -> dict[str, Any]:
         "squares_mean_mm": found.squares_mean_mm,
         "squares_sd_mm": found.squares_sd_mm,
         "scale_share": found.scale,
+        "scale_sigma": rig.scale_sigma,
         "plane_rms_mm": found.plane_rms_mm,
         "corners_used": len(found.seen.board),
         "corners_offered": len(found.seen.view.reasons),
