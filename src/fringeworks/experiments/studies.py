@@ -1,0 +1,19 @@
+"""The studies that ``fringeworks bench STUDY`` knows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from fringeworks.errors import UsageError
+from fringeworks.experiments.calibrations import study_calibrations
+from fringeworks.experiments.study import StudyMaker
+
+STUDIES: Mapping[str, StudyMaker] = MappingProxyType({"calibration": study_calibrations})
+
+
+def named_study(name: str) -> StudyMaker:
+    """The study called `name`; UsageError for another name."""
+    if name not in STUDIES:
+        raise UsageError(f"study must be one of {', '.join(STUDIES)}, got '{name}'")
+    return STUDIES[name]
