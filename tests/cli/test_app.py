@@ -115,7 +115,6 @@ def test_a_bug_shows_itself(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["calibrate", "c", "--board", "b", "--out", "r", "--model", "paper"],
         ["calibrate", "c", "--board", "b", "--out", "r", "--extended", "map"],
         ["decode", "c", "--out", "p.npz", "--rig", "rig.json"],
         ["decode", "c", "--out", "p.npz", "--z-range", "1:2"],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -60,14 +61,31 @@ def test_a_form_is_measured_where_it_is(scanned: tuple[str, Path]) -> None:
     form, cloud = scanned
     found = measure(form, cloud, *BOX)
     assert set(found) == KEYS[form] | {
-        "radius_mm", "radius_sigma_mm", "form_rms_mm", "range_mm", "band95_mm", "points",
-        "cloud", "frame",
+        "radius_mm", "radius_sigma_mm", "radius_scale_sigma_mm", "form_rms_mm", "range_mm",
+        "band95_mm", "points", "cloud", "frame",
     }  # fmt: skip
     # Some 4000 points; float32 rounds at 3e-5 mm, below all of this.
     assert abs(found["radius_mm"] - RADIUS[form]) < 5 * found["radius_sigma_mm"] < 0.05
     assert found["form_rms_mm"] == pytest.approx(SD, rel=5 / np.sqrt(2 * found["points"]))
     assert found["form_rms_mm"] < found["band95_mm"] < found["range_mm"]
     assert found["frame"] == "camera"
+    assert found["radius_scale_sigma_mm"] is None
+
+
+def test_a_radius_is_known_no_better_than_the_boards_pitch(
+    scanned: tuple[str, Path], tmp_path: Path
+) -> None:
+    form, plain_cloud = scanned
+    cloud = tmp_path / "cloud.npz"
+    write_cloud(cloud, replace(cloud_of(form), scale_sigma=1.5e-4))
+    found = measure(form, cloud, *BOX)
+    assert found["radius_scale_sigma_mm"] == pytest.approx(1.5e-4 * found["radius_mm"])
+    assert found["radius_sigma_mm"] == measure(form, plain_cloud, *BOX)["radius_sigma_mm"]
+    told = plain(run("measure", form, cloud, *BOX).stdout)
+    assert "radius scale sigma 0.00" in told
+    assert "by the calibration board's pitch" in told
+    far = measure("plane", cloud, "--box", ":,:,850:")
+    assert far["offset_scale_sigma_mm"] == pytest.approx(1.5e-4 * 900)
 
 
 def test_place_of_the_sphere(tmp_path: Path) -> None:

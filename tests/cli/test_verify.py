@@ -70,6 +70,7 @@ def test_the_rig_of_the_capture_holds(folder: Path, tmp_path: Path) -> None:
     assert found["squares_mean_mm"] == pytest.approx(13.0, abs=0.01)
     assert found["scale_share"] == pytest.approx(found["squares_mean_mm"] / 13 - 1, abs=1e-9)
     assert found["plane_rms_mm"] < 0.1
+    assert found["scale_sigma"] is None
     (figure,) = found["figures"]
     assert Path(figure).stat().st_size > 10_000
 
@@ -96,8 +97,18 @@ def test_what_it_says(folder: Path, tmp_path: Path) -> None:
     lines = done.stdout.splitlines()
     assert lines[0] == "capture: the rig has moved"
     assert "the projector turned (0.1" in lines[1]
+    assert "scale sigma" not in plain(done.stdout)
     for words in ("depth error", "squares", "scale", "plane", "limits: fixed"):
         assert words in plain(done.stdout)
+
+
+def test_what_the_rig_knows_of_its_scale(folder: Path, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.json"
+    write_rig(rig, replace(paper_rig(), scale_sigma=1.5e-4))
+    board = ("--board", folder / "board.toml")
+    done = run("verify", folder / "capture", "--rig", rig, *board)
+    assert "scale sigma 0.015% of every length, 1 sd" in plain(done.stdout)
+    assert verify(folder / "capture", rig)["scale_sigma"] == 1.5e-4
 
 
 def test_a_capture_of_another_camera(folder: Path, tmp_path: Path) -> None:

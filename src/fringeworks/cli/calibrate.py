@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from fringeworks.cli.arguments import require_built
+from fringeworks.cli.arguments import GroupOption, require_built
 from fringeworks.cli.output import JsonFlag, Output, Progress, print_note
 from fringeworks.errors import UsageError
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 
 BoardShape = Literal["flat", "paraboloid"]
+Model = Literal["joint", "paper"]
 
 
 def calibrate(
@@ -47,8 +49,17 @@ def calibrate(
             "--board-shape", help="flat, or paraboloid: solve for one bow of the sheet, x and y."
         ),
     ] = "flat",
+    group: GroupOption = None,
+    model: Annotated[
+        Model,
+        typer.Option(
+            "--model",
+            help="joint: both devices at once, from the coded axes; paper: the camera from the "
+            "printed board, then the projector from a projected checkerboard (patterns "
+            "paper-calibrate).",
+        ),
+    ] = "joint",
     as_json: JsonFlag = False,
-    model: Annotated[str, typer.Option("--model", hidden=True)] = "joint",
     extended: Annotated[str, typer.Option("--extended", hidden=True)] = "none",
 ) -> None:
     """Calibrate camera and projector together from captures of a board in several poses.
@@ -56,7 +67,6 @@ def calibrate(
     Three views are the least, eight or more tilted by 20 to 40 degrees about both axes are good.
     Both axes must be coded. Writes rig.json: lenses (px), relative pose (mm), depth range (mm).
     """
-    require_built("--model", model, built="joint", planned=("paper",))
     require_built("--extended", extended, built="none", planned=("map", "paper"))
     output = Output(as_json=as_json)
     folders = find_captures(captures)
@@ -64,14 +74,17 @@ def calibrate(
         raise UsageError(f"--out must be a .json file, got '{out}'")
     if report is not None and report.suffix.lower() != ".html":
         raise UsageError(f"--report must be a .html file, got '{report}'")
-    from fringeworks.calibrate import CalibrationSettings, calibrate_captures
+    if model == "paper" and board_shape != "flat":
+        raise UsageError(f"--board-shape must be flat with --model paper, got {board_shape}")
+    from fringeworks.calibrate import CalibrationSettings, calibrate_captures, calibrate_paper
     from fringeworks.files import read_board, write_rig
 
     settings = CalibrationSettings(board_shape=board_shape)
     with output.working() as progress:
         target = read_board(board)
-        views = read_captures(folders, output, progress)
-        rig = calibrate_captures(views, target, settings=settings)
+        views = read_captures(folders, output, progress, group=group)
+        solve = calibrate_paper if model == "paper" else calibrate_captures
+        rig = solve(views, target, settings=settings)
         write_rig(out, rig)
         drawn: list[Path] = []
         if figures is not None:
@@ -87,18 +100,16 @@ def calibrate(
 
 
 def write_report(output: Output, rig: Rig, path: Path) -> dict[str, Any]:
-    """Write the page about a rig, print what it found beyond the record; returns its numbers."""
+    """Write the page about a rig; returns those of its numbers that the record does not keep."""
     from fringeworks.report.calibration_page import make_calibration_page
     from fringeworks.report.judgement import judge_calibration, summarise_judged
     from fringeworks.report.page import write_page
 
     judged = judge_calibration(rig)
-    for finding in judged.findings[len(judged.record.findings) :]:
-        print_note(str(finding))
     write_page(path, make_calibration_page(judged))
     output.written([path])
     plain = summarise_judged(judged)
-    return {key: plain[key] for key in ("sigma", "systematic", "halves", "left_out")}
+    return {key: plain[key] for key in ("sigma", "systematic", "left_out")}
 
 
 def find_captures(paths: Sequence[Path]) -> list[Path]:
@@ -129,12 +140,23 @@ def _natural(path: Path) -> list[Any]:
     return [int(part) if part.isdigit() else part for part in parts]
 
 
-def read_captures(folders: Sequence[Path], output: Output, progress: Progress) -> Iterator[Capture]:
+def _place(path: Path) -> Path:
+    """The folder of a capture that is given by it, or by its capture.toml."""
+    full = path.resolve()
+    return full.parent if full.is_file() else full
+
+
+def read_captures(
+    folders: Sequence[Path], output: Output, progress: Progress, *, group: str | None = None
+) -> Iterator[Capture]:
     """One capture after the other, each with what its reader noticed."""
     from fringeworks.files import read_capture
 
+    names = [_place(folder).name for folder in folders]
     for folder in progress(folders, "views"):
-        capture = read_capture(folder)
+        capture, place = read_capture(folder, group=group), _place(folder)
+        if names.count(place.name) > 1:  # a finding names the capture that it is about
+            capture = replace(capture, name=f"{place.parent.name}/{place.name}")
         output.findings(capture.name, capture.findings)
         yield capture
 
@@ -143,6 +165,7 @@ def describe_rig(output: Output, rig: Rig) -> dict[str, Any]:
     """Print a calibrated rig; returns its summary."""
     from dataclasses import asdict
 
+    from fringeworks.calibrate.projected_record import model_of, paper_figures
     from fringeworks.calibrate.record import read_record
     from fringeworks.report.summary import summarise_record, summarise_rig
 
@@ -150,12 +173,19 @@ def describe_rig(output: Output, rig: Rig) -> dict[str, Any]:
     quality = None if rig.quality is None else asdict(rig.quality)
     for finding in record["findings"]:
         print_note(finding)
+    model, figures = model_of(rig.further), paper_figures(rig.further)
+    output.line(f"model: {model}")
     _print_views(output, record["views"], quality)
+    if figures is not None:
+        _print_paper(output, figures)
+    _print_halves(output, record)
     for device in ("camera", "projector"):
         _print_lens(output, device, summary[device])
     _print_pose(output, summary)
     return {
+        "model": model,
         "quality": quality,
+        "paper": figures,
         **record,
         "rig": summary,
     }
@@ -184,6 +214,41 @@ def _print_views(
         output.line(f"  joint rms {quality['joint_rms_px']:.3f} px")
 
 
+def _print_paper(output: Output, figures: dict[str, Any]) -> None:
+    """What the paper reports of its calibration, beside what it reports there."""
+    printed, projected = (
+        f"{figures[f'{kind}_kept']} of {figures[f'{kind}_offered']} {kind} corners"
+        for kind in ("printed", "projected")
+    )
+    bound = figures["largest_reprojection_px"]
+    everything = "all {:.4f} {:.4f} px".format(*figures["camera_std_of_all_px"])
+    output.line("reprojection, 1 sd of x and y, each device by itself")
+    output.facts(
+        [
+            ("camera", _pair(figures["camera_std_px"], f"{printed} within {bound:g} px")),
+            ("", f"{everything}; the paper's: 0.0987 0.0905 px"),
+            ("projector", _pair(figures["projector_std_px"], projected)),
+            ("", "the paper's: 0.7706 0.4851 px"),
+        ]
+    )
+
+
+def _pair(values: Sequence[float], over: str) -> str:
+    x, y = values
+    return f"{x:.4f} {y:.4f} px over {over}"
+
+
+def _print_halves(output: Output, record: dict[str, Any]) -> None:
+    halves = record["halves"]
+    if halves is not None:
+        output.line(
+            f"  two halves of the views differ by {1e3 * halves['rms_mm']:.1f} µm rms, "
+            f"{halves['ratio']:.2f} times what they scatter by"
+        )
+    for reason in record["left_out"]:
+        output.line(f"  left out: {reason}")
+
+
 def _print_lens(output: Output, name: str, lens: dict[str, Any]) -> None:
     output.line(f"{name}: {lens['width']}x{lens['height']} px")
     distortion = " ".join(f"{key} {lens[key]:.4f}" for key in ("k1", "k2", "p1", "p2", "k3"))
@@ -206,4 +271,9 @@ def _print_pose(output: Output, summary: dict[str, Any]) -> None:
     if summary["volume_mm"] is not None:
         near, far = summary["volume_mm"]
         facts.append(("volume", f"z = {near:.0f} to {far:.0f} mm, camera frame"))
+    if summary["scale_sigma"] is None:
+        scale = "uncertainty not known: measure the pitch (pitch_sigma_mm in board.toml)"
+    else:
+        scale = f"known to {summary['scale_sigma']:.1e} of every length, 1 sd, by the board's pitch"
+    facts.append(("scale", scale))
     output.facts(facts)

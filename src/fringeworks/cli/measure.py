@@ -66,10 +66,11 @@ def plane(
     from fringeworks.pipeline import measure_plane
     from fringeworks.report.summary import summarise_plane
 
-    found = summarise_plane(measure_plane(read, region))
+    found = summarise_plane(measure_plane(read, region), read.scale_sigma)
     facts = [
         ("normal", _numbers(found["normal"], digits=6)),
         ("offset", f"{found['offset_mm']:.4f} mm"),
+        *_scale("offset", found),
         *_spread(found),
         ("flatness", f"{found['flatness_mm']:.4f} mm"),
     ]
@@ -88,7 +89,8 @@ def sphere(
 ) -> None:
     """Fit a sphere by orthogonal least squares: centre, radius, and how round it is, mm.
 
-    The radius has one standard deviation, from what is left of the points; range is that of all
+    The radius has two standard deviations: from what is left of the points, and, where the rig
+    knows it, from the pitch of the board that it was calibrated with. Range is that of all
     distances, band95 the width that holds 95 % of them, form rms their root mean square. No point
     is left out: a box that also holds a wall gives a wrong sphere.
     """
@@ -96,7 +98,7 @@ def sphere(
     from fringeworks.pipeline import measure_sphere
     from fringeworks.report.summary import summarise_sphere
 
-    found = summarise_sphere(measure_sphere(read, region))
+    found = summarise_sphere(measure_sphere(read, region), read.scale_sigma)
     facts = [("centre", _numbers(found["centre_mm"], digits=4) + " mm"), *_radius(found)]
     _tell("sphere", {**found, "cloud": cloud, "frame": read.frame}, facts, as_json=as_json)
 
@@ -114,15 +116,16 @@ def cylinder(
     """Fit a cylinder by orthogonal least squares: axis, radius, and how round it is, mm.
 
     The axis is given by its point next to the points' centroid and its direction. The radius has
-    one standard deviation, from what is left of the points; range is that of all distances, band95
-    the width that holds 95 % of them, form rms their root mean square. No point is left out: a
-    box that also holds a wall gives a wrong cylinder.
+    two standard deviations: from what is left of the points, and, where the rig knows it, from the
+    pitch of the board that it was calibrated with. Range is that of all distances, band95 the width
+    that holds 95 % of them, form rms their root mean square. No point is left out: a box that also
+    holds a wall gives a wrong cylinder.
     """
     read, region = read_region(cloud, box, pixels)
     from fringeworks.pipeline import measure_cylinder
     from fringeworks.report.summary import summarise_cylinder
 
-    found = summarise_cylinder(measure_cylinder(read, region))
+    found = summarise_cylinder(measure_cylinder(read, region), read.scale_sigma)
     facts = [
         ("axis point", _numbers(found["axis_point_mm"], digits=4) + " mm"),
         ("axis direction", _numbers(found["axis_direction"], digits=6)),
@@ -158,9 +161,18 @@ def _radius(found: Values) -> list[tuple[str, str]]:
     return [
         ("radius", f"{found['radius_mm']:.4f} mm"),
         ("radius sigma", sigma),
+        *_scale("radius", found),
         *_spread(found),
         ("range", f"{found['range_mm']:.4f} mm"),
     ]
+
+
+def _scale(length: str, found: Values) -> list[tuple[str, str]]:
+    """What the calibration board's pitch adds to the length's uncertainty, if that is known."""
+    sigma = found[f"{length}_scale_sigma_mm"]
+    if sigma is None:
+        return []
+    return [(f"{length} scale sigma", f"{sigma:.2g} mm by the calibration board's pitch")]
 
 
 def _spread(found: Values) -> list[tuple[str, str]]:

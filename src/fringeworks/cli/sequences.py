@@ -11,7 +11,7 @@ from fringeworks.cli.arguments import parse_numbers
 if TYPE_CHECKING:
     from fringeworks.model import Sequence
 
-Preset = Literal["paper", "calibrate", "measure", "multi-frequency"]
+Preset = Literal["paper", "calibrate", "measure", "multi-frequency", "paper-calibrate"]
 Code = Literal["none", "gray", "complementary"]
 Axes = Literal["x", "y", "xy"]
 
@@ -20,7 +20,7 @@ PresetArgument = Annotated[
     typer.Argument(
         help="paper: 3 steps of 32 px, Gray code, code frame; calibrate: 8 steps of 32 px, "
         "inverted Gray code; measure: 8 steps of 16 px; multi-frequency: 4 steps of three "
-        "periods, no code."
+        "periods, no code; paper-calibrate: paper's fringes and a projected checkerboard."
     ),
 ]
 AxesOption = Annotated[Axes, typer.Option("--axes", help="Code columns (x), rows (y) or both.")]

@@ -11,6 +11,7 @@ from fringeworks.cli.output import JsonFlag, Output
 
 if TYPE_CHECKING:
     from fringeworks.calibrate.verify import Verification
+    from fringeworks.model import Rig
 
 
 def verify(
@@ -41,12 +42,12 @@ def verify(
         output.findings(read.name, read.findings)
         found = verify_capture(read, known, target)
         drawn = [] if figures is None else save_verification(found, known, figures)
-    _describe(output, found)
+    _describe(output, found, known)
     output.written(drawn)
-    output.result({**summarise_verification(found), "rig": rig, "figures": drawn})
+    output.result({**summarise_verification(found, known), "rig": rig, "figures": drawn})
 
 
-def _describe(output: Output, found: Verification) -> None:
+def _describe(output: Output, found: Verification, rig: Rig) -> None:
     output.line(f"{found.name}: the rig {found.verdict}")
     if found.moved is not None:
         output.line(f"  {found.moved.sentence}")
@@ -67,7 +68,16 @@ def _describe(output: Output, found: Verification) -> None:
             ("depth error", f"{found.depth_error_mm:+.4f} mm, mean"),
             ("squares", f"{found.squares_mean_mm:.4f} mm, sd {found.squares_sd_mm:.4f} mm"),
             ("scale", f"{found.scale:+.3%} against the board"),
+            *_scale_sigma(rig),
             ("plane", f"{found.plane_rms_mm:.4f} mm rms of the corners"),
             ("corners used", f"{used} of {len(found.seen.view.reasons)}"),
         ]
     )
+
+
+def _scale_sigma(rig: Rig) -> list[tuple[str, str]]:
+    """How well the rig knows its scale; the board that gave it cannot tell that it is wrong."""
+    if rig.scale_sigma is None:
+        return []
+    known = f"{rig.scale_sigma:.3%} of every length, 1 sd, by the pitch of the rig's own board"
+    return [("scale sigma", known)]
