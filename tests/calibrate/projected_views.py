@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.projected_camera import PosedView
-from fringeworks.calibrate.projected_corners import ProjectedCorners
-from fringeworks.calibrate.state import RigState
+from fringeworks.calibrate.adjust.state import RigState
+from fringeworks.calibrate.projected.camera import PosedView
+from fringeworks.calibrate.projected.corners import ProjectedCorners
 from fringeworks.geometry.lens import project
 from fringeworks.model import (
     Capture,

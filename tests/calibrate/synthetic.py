@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.calibrate import View
-from fringeworks.calibrate.board_shape import BoardFrame
-from fringeworks.calibrate.projection import project_corners, project_sites
+from fringeworks.calibrate.adjust.board_shape import BoardFrame
+from fringeworks.calibrate.adjust.projection import project_corners, project_sites
+from fringeworks.calibrate.adjust.state import SHARED, RigState, pose_columns
 from fringeworks.calibrate.sites import Sites
-from fringeworks.calibrate.state import SHARED, RigState, pose_columns
 from fringeworks.geometry.lens import project, unproject
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import CheckerboardTarget, Rig

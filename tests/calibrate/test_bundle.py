@@ -11,14 +11,14 @@ import pytest
 from numpy.typing import NDArray
 
 from fringeworks.calibrate import CalibrationSettings, ImageSize, View
-from fringeworks.calibrate.bundle import (
+from fringeworks.calibrate.adjust.bundle import (
     all_residuals,
     refine,
     rms_px,
 )
-from fringeworks.calibrate.checks import LARGEST_TOGETHER
-from fringeworks.calibrate.start import start_state
-from fringeworks.calibrate.state import SHAPE, SHAPE_NAMES, RigState, free_indices
+from fringeworks.calibrate.adjust.start import start_state
+from fringeworks.calibrate.adjust.state import SHAPE, SHAPE_NAMES, RigState, free_indices
+from fringeworks.calibrate.judge.checks import LARGEST_TOGETHER
 from fringeworks.errors import UsageError
 from tests.calibrate.synthetic import (
     board_poses,
@@ -236,8 +236,8 @@ TIMED = """
 import time
 import numpy as np
 from fringeworks.calibrate import CalibrationSettings, ImageSize
-from fringeworks.calibrate.bundle import refine
-from fringeworks.calibrate.start import start_state
+from fringeworks.calibrate.adjust.bundle import refine
+from fringeworks.calibrate.adjust.start import start_state
 from tests.calibrate.synthetic import board_poses, rig_state, views_of
 
 rng = np.random.default_rng(6)

@@ -18,7 +18,7 @@ from fringeworks.calibrate import (
     calibrate_rig,
     observe_board,
 )
-from fringeworks.calibrate.coverage import bare_parts
+from fringeworks.calibrate.judge.coverage import bare_parts
 from fringeworks.calibrate.record import read_record
 from fringeworks.errors import CalibrationError
 from fringeworks.model import Capture, Rig

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.charuco import charuco_board
-from fringeworks.calibrate.corners import find_board, find_corners
+from fringeworks.calibrate.boards.charuco import charuco_board
+from fringeworks.calibrate.boards.corners import find_board, find_corners
 from fringeworks.errors import CalibrationError, UsageError
 from fringeworks.model import CharucoTarget
 from tests.calibrate.boards import Ink, board_view, photograph, seen, squares_ink

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.circles import ellipse_offsets
-from fringeworks.calibrate.corners import find_board
-from fringeworks.calibrate.saddle import FALLBACK_SIGMA_PX, MODEL_SIGMA_PX
+from fringeworks.calibrate.boards.circles import ellipse_offsets
+from fringeworks.calibrate.boards.corners import find_board
+from fringeworks.calibrate.boards.saddle import FALLBACK_SIGMA_PX, MODEL_SIGMA_PX
 from fringeworks.errors import CalibrationError
 from fringeworks.geometry.lens import project
 from fringeworks.model import CirclesTarget, PatternSet, Sequence, Uniform

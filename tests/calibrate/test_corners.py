@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.corners import (
+from fringeworks.calibrate.boards.corners import (
     FoundCorners,
     board_images,
     find_board,
@@ -18,7 +18,7 @@ from fringeworks.calibrate.corners import (
     square_sizes,
     to_8_bit,
 )
-from fringeworks.calibrate.found import grid_steps
+from fringeworks.calibrate.boards.found import grid_steps
 from fringeworks.errors import CalibrationError, ShapeError
 from fringeworks.geometry.lens import project
 from fringeworks.model import Capture, CheckerboardTarget, ProjectorMap, Sensor, Sequence

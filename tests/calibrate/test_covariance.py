@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from fringeworks.calibrate import CalibrationSettings
-from fringeworks.calibrate.bundle import Fit, refine
-from fringeworks.calibrate.covariance import KEY, Covariance, read_covariance
-from fringeworks.calibrate.state import DECENTRING, RigState, free_indices
+from fringeworks.calibrate.adjust.bundle import Fit, refine
+from fringeworks.calibrate.adjust.covariance import KEY, Covariance, read_covariance
+from fringeworks.calibrate.adjust.state import DECENTRING, RigState, free_indices
 from fringeworks.errors import FormatError
 from tests.calibrate.synthetic import (
     board_poses,

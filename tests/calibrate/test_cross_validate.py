@@ -9,11 +9,11 @@ import pytest
 from numpy.typing import NDArray
 
 from fringeworks.calibrate import CalibrationSettings, ImageSize, View, calibrate_rig
-from fringeworks.calibrate.bundle import refine
-from fringeworks.calibrate.cross_validate import choose_lenses, prediction_errors
+from fringeworks.calibrate.adjust.bundle import refine
+from fringeworks.calibrate.adjust.state import RigState
+from fringeworks.calibrate.judge.cross_validate import choose_lenses, prediction_errors
+from fringeworks.calibrate.judge.uncertainty import lay_field, state_of, triangulate_points
 from fringeworks.calibrate.record import read_record
-from fringeworks.calibrate.state import RigState
-from fringeworks.calibrate.uncertainty import lay_field, state_of, triangulate_points
 from fringeworks.errors import CalibrationError
 from fringeworks.geometry.align import align_points
 from fringeworks.geometry.pose import rotation_matrix

@@ -12,12 +12,12 @@ import pytest
 from numpy.typing import NDArray
 
 from fringeworks.calibrate import CalibrationSettings, ImageSize, calibrate_paper
-from fringeworks.calibrate.projected import observe_projected
-from fringeworks.calibrate.projected_camera import KEPT_PX, PosedView
-from fringeworks.calibrate.projected_fit import PaperFit, fit_paper
-from fringeworks.calibrate.projected_record import model_of, paper_figures, rig_of
+from fringeworks.calibrate.held.verify import verify_view
+from fringeworks.calibrate.projected.camera import KEPT_PX, PosedView
+from fringeworks.calibrate.projected.fit import PaperFit, fit_paper
+from fringeworks.calibrate.projected.record import model_of, paper_figures, rig_of
+from fringeworks.calibrate.projected.solve import observe_projected
 from fringeworks.calibrate.record import read_record
-from fringeworks.calibrate.verify import verify_view
 from fringeworks.errors import CalibrationError
 from fringeworks.files import read_rig, write_rig
 from fringeworks.geometry.align import align_points

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.found import grid_steps
-from fringeworks.calibrate.saddle import (
+from fringeworks.calibrate.boards.found import grid_steps
+from fringeworks.calibrate.boards.saddle import (
     FALLBACK_SIGMA_PX,
     LARGEST_REACH_PX,
     MODEL_SIGMA_PX,

@@ -20,8 +20,8 @@ from fringeworks.calibrate import (
     calibrate_rig,
 )
 from fringeworks.calibrate import solve as solve_module
+from fringeworks.calibrate.adjust.start import start_state
 from fringeworks.calibrate.record import read_record
-from fringeworks.calibrate.start import start_state
 from fringeworks.errors import CalibrationError, DecodeError, FormatError
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import Capture, Rig, Sensor, Sequence

@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from fringeworks.calibrate import CalibrationSettings, View
-from fringeworks.calibrate.bundle import refine
-from fringeworks.calibrate.state import RigState
-from fringeworks.calibrate.structure import (
+from fringeworks.calibrate.adjust.bundle import refine
+from fringeworks.calibrate.adjust.state import RigState
+from fringeworks.calibrate.judge.structure import (
     CELLS_IN_VIEW,
     Structure,
     _excess,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from fringeworks.calibrate import CalibrationSettings, ImageSize, View, calibrate_rig
-from fringeworks.calibrate.bundle import refine
+from fringeworks.calibrate.adjust.bundle import refine
+from fringeworks.calibrate.adjust.state import RigState
+from fringeworks.calibrate.judge.trim import leave_out_sites, worst_view
 from fringeworks.calibrate.record import read_record
-from fringeworks.calibrate.state import RigState
-from fringeworks.calibrate.trim import leave_out_sites, worst_view
 from tests.calibrate.synthetic import BOARD, board_poses, dense_sites, rig_state, views_of
 
 POSES = board_poses(8, rng=np.random.default_rng(30))

@@ -9,11 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from fringeworks.calibrate import CalibrationSettings, ImageSize, View, calibrate_rig
-from fringeworks.calibrate.covariance import Covariance, read_covariance
-from fringeworks.calibrate.halves import Halves, compare_halves, difference_covariance
-from fringeworks.calibrate.record import KEY, read_record
-from fringeworks.calibrate.state import RELATION, SHARED, RigState, parameter_names
-from fringeworks.calibrate.uncertainty import (
+from fringeworks.calibrate.adjust.covariance import Covariance, read_covariance
+from fringeworks.calibrate.adjust.state import RELATION, SHARED, RigState, parameter_names
+from fringeworks.calibrate.judge.halves import Halves, compare_halves, difference_covariance
+from fringeworks.calibrate.judge.uncertainty import (
     COLUMNS,
     MIDDLE,
     ROWS,
@@ -26,6 +25,7 @@ from fringeworks.calibrate.uncertainty import (
     state_of,
     triangulate_points,
 )
+from fringeworks.calibrate.record import KEY, read_record
 from fringeworks.errors import FormatError, UsageError
 from fringeworks.geometry.align import align_points
 from fringeworks.geometry.lens import project

@@ -14,9 +14,15 @@ import pytest
 from numpy.typing import NDArray
 
 from fringeworks.calibrate import ImageSize, View, calibrate_rig
-from fringeworks.calibrate.moved import CAMERA_ZOOM, PROJECTOR_ZOOM, SHIFTED, TURNED, directions
-from fringeworks.calibrate.state import SHARED, RigState
-from fringeworks.calibrate.verify import FIXED_LIMIT_PX, Verification, verify_view
+from fringeworks.calibrate.adjust.state import SHARED, RigState
+from fringeworks.calibrate.held.moved import (
+    CAMERA_ZOOM,
+    PROJECTOR_ZOOM,
+    SHIFTED,
+    TURNED,
+    directions,
+)
+from fringeworks.calibrate.held.verify import FIXED_LIMIT_PX, Verification, verify_view
 from fringeworks.errors import CalibrationError
 from fringeworks.geometry.pose import rotation_matrix, rotation_vector
 from fringeworks.model import CheckerboardTarget, Rig

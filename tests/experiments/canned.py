@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from fringeworks.calibrate.judge.structure import Structure
 from fringeworks.calibrate.settings import BoardModel
-from fringeworks.calibrate.structure import Structure
 from fringeworks.experiments.held_rig import HeldRig, Predicted
 from fringeworks.experiments.trials import Kind, Outcome, Trial
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fringeworks.calibrate.covariance import Covariance
+from fringeworks.calibrate.adjust.covariance import Covariance
 from fringeworks.errors import CalibrationError, FormatError, UsageError
 from fringeworks.experiments import calibrations
 from fringeworks.experiments.calibration_figure import draw_trials

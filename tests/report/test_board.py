@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.corners import find_board
+from fringeworks.calibrate.boards.corners import find_board
 from fringeworks.errors import UsageError
 from fringeworks.model import CharucoTarget, CheckerboardTarget, CirclesTarget, Target
 from fringeworks.report.board import Paper, place_target, target_figure, write_page

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from fringeworks.calibrate import ImageSize, calibrate_rig
-from fringeworks.calibrate.covariance import KEY as COVARIANCE_KEY
-from fringeworks.calibrate.covariance import Covariance, read_covariance
-from fringeworks.calibrate.halves import Halves
-from fringeworks.calibrate.uncertainty import lay_field, pixel_sigma, point_sigma
+from fringeworks.calibrate.adjust.covariance import KEY as COVARIANCE_KEY
+from fringeworks.calibrate.adjust.covariance import Covariance, read_covariance
+from fringeworks.calibrate.judge.halves import Halves
+from fringeworks.calibrate.judge.uncertainty import lay_field, pixel_sigma, point_sigma
 from fringeworks.errors import FormatError
 from fringeworks.model import Rig
 from fringeworks.report.blocks import Details, Numbers, Page, Picture, Table, Text

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.corners import board_images, find_board, square_sizes
+from fringeworks.calibrate.boards.corners import board_images, find_board, square_sizes
+from fringeworks.calibrate.boards.found import FoundCorners
 from fringeworks.calibrate.dense import find_sites
-from fringeworks.calibrate.found import FoundCorners
+from fringeworks.calibrate.judge.ripple import Ripple, find_ripples
 from fringeworks.calibrate.local_fit import LocalFit, fit_local
-from fringeworks.calibrate.ripple import Ripple, find_ripples
 from fringeworks.calibrate.settings import CalibrationSettings
 from fringeworks.calibrate.sites import Sites
 from fringeworks.errors import CalibrationError

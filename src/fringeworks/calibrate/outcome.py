@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.bundle import Fit, rms_px
-from fringeworks.calibrate.checks import Failed
-from fringeworks.calibrate.covariance import KEY as COVARIANCE_KEY
-from fringeworks.calibrate.cross_validate import Trial
-from fringeworks.calibrate.halves import Halves, compare_halves
+from fringeworks.calibrate.adjust.bundle import Fit, rms_px
+from fringeworks.calibrate.adjust.covariance import KEY as COVARIANCE_KEY
+from fringeworks.calibrate.judge.checks import Failed
+from fringeworks.calibrate.judge.cross_validate import Trial
+from fringeworks.calibrate.judge.halves import Halves, compare_halves
+from fringeworks.calibrate.judge.uncertainty import lay_field
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.record import KEY, make_record
 from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
-from fringeworks.calibrate.uncertainty import lay_field
 from fringeworks.errors import CalibrationError, UsageError
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import Camera, Finding, Lens, Pose, Projector, Quality, Rig, Target

@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from fringeworks.calibrate.bundle import Fit, all_residuals, rms_px
-from fringeworks.calibrate.cross_validate import Trial
-from fringeworks.calibrate.halves import Halves
+from fringeworks.calibrate.adjust.bundle import Fit, all_residuals, rms_px
+from fringeworks.calibrate.adjust.state import SHAPE_NAMES
+from fringeworks.calibrate.judge.cross_validate import Trial
+from fringeworks.calibrate.judge.halves import Halves
+from fringeworks.calibrate.judge.uncertainty import DEPTHS
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.record_schema import HalvesTable, RecordTable, SitesTable, ViewTable
 from fringeworks.calibrate.settings import CalibrationSettings
 from fringeworks.calibrate.sites import Sites
-from fringeworks.calibrate.state import SHAPE_NAMES
-from fringeworks.calibrate.uncertainty import DEPTHS
 from fringeworks.errors import FormatError
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import Finding, Pose, Target, kind_of

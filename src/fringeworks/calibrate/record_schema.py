@@ -6,8 +6,8 @@ from typing import Annotated, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from fringeworks.calibrate.cross_validate import Trial
-from fringeworks.calibrate.state import SHAPE_NAMES
+from fringeworks.calibrate.adjust.state import SHAPE_NAMES
+from fringeworks.calibrate.judge.cross_validate import Trial
 from fringeworks.model import Finding
 
 FARTHEST = 1e9

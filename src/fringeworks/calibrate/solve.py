@@ -14,8 +14,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.bundle import Fit, refine
-from fringeworks.calibrate.causes import (
+from fringeworks.calibrate.adjust.bundle import Fit, refine
+from fringeworks.calibrate.adjust.state import RigState
+from fringeworks.calibrate.judge.causes import (
     MIRRORED,
     Sizes,
     bowed_board,
@@ -25,7 +26,7 @@ from fringeworks.calibrate.causes import (
     odd_view,
     part_mirrored,
 )
-from fringeworks.calibrate.checks import (
+from fringeworks.calibrate.judge.checks import (
     LEAST_VIEWS,
     Failed,
     dense_misfit,
@@ -34,18 +35,17 @@ from fringeworks.calibrate.checks import (
     refuse_bit_order,
     refuse_nonsense,
 )
-from fringeworks.calibrate.cross_validate import Trial, choose_lenses
-from fringeworks.calibrate.noticed import notice, odd_regions
-from fringeworks.calibrate.observe import View, observe_board
-from fringeworks.calibrate.outcome import Solution, make_rig
-from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
-from fringeworks.calibrate.state import RigState
-from fringeworks.calibrate.trim import (
+from fringeworks.calibrate.judge.cross_validate import Trial, choose_lenses
+from fringeworks.calibrate.judge.noticed import notice, odd_regions
+from fringeworks.calibrate.judge.trim import (
     LARGEST_SHARE_OF_VIEWS,
     leave_out_corners,
     leave_out_sites,
     worst_view,
 )
+from fringeworks.calibrate.observe import View, observe_board
+from fringeworks.calibrate.outcome import Solution, make_rig
+from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
 from fringeworks.errors import CalibrationError, DecodeError, FormatError
 from fringeworks.model import (
     Capture,

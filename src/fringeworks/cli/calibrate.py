@@ -165,7 +165,7 @@ def describe_rig(output: Output, rig: Rig) -> dict[str, Any]:
     """Print a calibrated rig; returns its summary."""
     from dataclasses import asdict
 
-    from fringeworks.calibrate.projected_record import model_of, paper_figures
+    from fringeworks.calibrate.projected.record import model_of, paper_figures
     from fringeworks.calibrate.record import read_record
     from fringeworks.report.summary import summarise_record, summarise_rig
 

@@ -10,7 +10,7 @@ import typer
 from fringeworks.cli.output import JsonFlag, Output
 
 if TYPE_CHECKING:
-    from fringeworks.calibrate.verify import Verification
+    from fringeworks.calibrate.held.verify import Verification
     from fringeworks.model import Rig
 
 
@@ -32,7 +32,7 @@ def verify(
     says holds true or false.
     """
     output = Output(as_json=as_json)
-    from fringeworks.calibrate.verify import verify_capture
+    from fringeworks.calibrate.held.verify import verify_capture
     from fringeworks.files import read_board, read_capture, read_rig
     from fringeworks.report.verify import save_verification, summarise_verification
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.covariance import Covariance
-from fringeworks.calibrate.state import SHAPE_NAMES, parameter_names
-from fringeworks.calibrate.uncertainty import (
+from fringeworks.calibrate.adjust.covariance import Covariance
+from fringeworks.calibrate.adjust.state import SHAPE_NAMES, parameter_names
+from fringeworks.calibrate.judge.uncertainty import (
     Field,
     points_by_parameters,
     rigid_motions,

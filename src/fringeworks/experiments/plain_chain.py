@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.calibrate import View
-from fringeworks.calibrate.corners import to_8_bit
+from fringeworks.calibrate.boards.corners import to_8_bit
 from fringeworks.errors import CalibrationError
 from fringeworks.model import Camera, Capture, Lens, Pose, Projector, ProjectorMap, Quality, Rig
 

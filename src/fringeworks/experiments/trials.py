@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.calibrate import CalibrationSettings, ImageSize, View, calibrate_rig, observe_board
-from fringeworks.calibrate.covariance import read_covariance
+from fringeworks.calibrate.adjust.covariance import read_covariance
+from fringeworks.calibrate.adjust.state import SHAPE_NAMES
+from fringeworks.calibrate.judge.structure import Structure, find_structure
+from fringeworks.calibrate.judge.uncertainty import state_of
 from fringeworks.calibrate.record import read_record
 from fringeworks.calibrate.settings import BoardModel
-from fringeworks.calibrate.state import SHAPE_NAMES
-from fringeworks.calibrate.structure import Structure, find_structure
-from fringeworks.calibrate.uncertainty import state_of
 from fringeworks.errors import CalibrationError
 from fringeworks.experiments.held_rig import (
     HeldRig,

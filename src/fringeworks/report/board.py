@@ -17,7 +17,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.charuco import charuco_board
+from fringeworks.calibrate.boards.charuco import charuco_board
 from fringeworks.errors import UsageError
 from fringeworks.files.atomic import replacing
 from fringeworks.model import CharucoTarget, CirclesTarget, Target

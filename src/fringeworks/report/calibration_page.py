@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fringeworks.calibrate.halves import LARGEST_RATIO
+from fringeworks.calibrate.judge.halves import LARGEST_RATIO
+from fringeworks.calibrate.judge.uncertainty import MIDDLE, pixel_sigma, point_sigma
 from fringeworks.calibrate.record import CalibrationRecord, ViewRecord
-from fringeworks.calibrate.uncertainty import MIDDLE, pixel_sigma, point_sigma
 from fringeworks.model import Rig
 from fringeworks.report.blocks import (
     Block,
@@ -235,7 +235,7 @@ def _halves(judged: Judged) -> Iterator[Block]:
 
 def _parameters(judged: Judged) -> Iterator[Block]:
     if judged.covariance is None:
-        yield Text(f"No standard deviations: {judged.lacks[0]}.")
+        yield Text(f"Left out: {judged.lacks[0]}.")
         return
     yield parameter_table(judged.rig, judged.covariance, judged.record.board_shape)
     yield correlation_table(judged.covariance)

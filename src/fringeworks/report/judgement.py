@@ -10,11 +10,11 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.covariance import Covariance, read_covariance
-from fringeworks.calibrate.halves import Halves
-from fringeworks.calibrate.projected_record import model_of
+from fringeworks.calibrate.adjust.covariance import Covariance, read_covariance
+from fringeworks.calibrate.judge.halves import Halves
+from fringeworks.calibrate.judge.uncertainty import Field, lay_field, point_sigma
+from fringeworks.calibrate.projected.record import model_of
 from fringeworks.calibrate.record import CalibrationRecord, read_record
-from fringeworks.calibrate.uncertainty import Field, lay_field, point_sigma
 from fringeworks.errors import FormatError, UsageError
 from fringeworks.model import Quality, Rig
 from fringeworks.report.parameters import PARTS

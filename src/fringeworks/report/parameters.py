@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fringeworks.calibrate.covariance import Covariance
-from fringeworks.calibrate.state import parameter_names
-from fringeworks.calibrate.uncertainty import state_of
+from fringeworks.calibrate.adjust.covariance import Covariance
+from fringeworks.calibrate.adjust.state import parameter_names
+from fringeworks.calibrate.judge.uncertainty import state_of
 from fringeworks.model import Rig
 from fringeworks.report.blocks import Table
 

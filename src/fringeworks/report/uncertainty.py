@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.halves import Halves
-from fringeworks.calibrate.uncertainty import MIDDLE, PixelSigma, PointSigma
+from fringeworks.calibrate.judge.halves import Halves
+from fringeworks.calibrate.judge.uncertainty import MIDDLE, PixelSigma, PointSigma
 from fringeworks.model import Camera
 from fringeworks.report.canvas import Shade, draw_bar, label_pixels, new_figure
 

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.misfit import Misfit
-from fringeworks.calibrate.verify import Verification
+from fringeworks.calibrate.held.misfit import Misfit
+from fringeworks.calibrate.held.verify import Verification
 from fringeworks.model import Camera, Projector, Rig
 from fringeworks.report.canvas import CAMERA_COLOUR, PROJECTOR_COLOUR, new_figure, save_figures
 

@@ -13,11 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.board_shape import BoardFrame, cut_rays
+from fringeworks.calibrate.adjust.board_shape import BoardFrame, cut_rays
+from fringeworks.calibrate.adjust.projection import project_corners
+from fringeworks.calibrate.adjust.spread import robust_sigma
+from fringeworks.calibrate.adjust.state import SHARED, RigState
 from fringeworks.calibrate.observe import View
-from fringeworks.calibrate.projection import project_corners
-from fringeworks.calibrate.spread import robust_sigma
-from fringeworks.calibrate.state import SHARED, RigState
 from fringeworks.errors import CalibrationError
 from fringeworks.geometry.lens import project_jacobian, unproject
 from fringeworks.geometry.minimise import Block, minimise

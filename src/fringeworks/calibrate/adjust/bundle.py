@@ -20,14 +20,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.board_shape import BoardFrame
-from fringeworks.calibrate.covariance import Covariance
-from fringeworks.calibrate.observe import View
-from fringeworks.calibrate.projection import corners_in_projector, project_corners, project_sites
-from fringeworks.calibrate.settings import CalibrationSettings
-from fringeworks.calibrate.sites import together
-from fringeworks.calibrate.spread import Spread, robust_sigma, total_sigma
-from fringeworks.calibrate.state import (
+from fringeworks.calibrate.adjust.board_shape import BoardFrame
+from fringeworks.calibrate.adjust.covariance import Covariance
+from fringeworks.calibrate.adjust.projection import (
+    corners_in_projector,
+    project_corners,
+    project_sites,
+)
+from fringeworks.calibrate.adjust.spread import Spread, robust_sigma, total_sigma
+from fringeworks.calibrate.adjust.state import (
     DECENTRING,
     SHARED,
     RigState,
@@ -35,6 +36,9 @@ from fringeworks.calibrate.state import (
     parameter_names,
     pose_columns,
 )
+from fringeworks.calibrate.observe import View
+from fringeworks.calibrate.settings import CalibrationSettings
+from fringeworks.calibrate.sites import together
 from fringeworks.geometry.minimise import Block, Minimum, minimise
 
 Array = NDArray[np.float64]

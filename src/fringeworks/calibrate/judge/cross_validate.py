@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.bundle import Fit, refine
-from fringeworks.calibrate.checks import LEAST_VIEWS
+from fringeworks.calibrate.adjust.bundle import Fit, refine
+from fringeworks.calibrate.judge.checks import LEAST_VIEWS
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.settings import CalibrationSettings
 from fringeworks.errors import CalibrationError

@@ -8,12 +8,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.bundle import Fit
-from fringeworks.calibrate.coverage import notice_bare_parts
+from fringeworks.calibrate.adjust.bundle import Fit
+from fringeworks.calibrate.adjust.start import USUAL_MM, other_units
+from fringeworks.calibrate.judge.coverage import notice_bare_parts
+from fringeworks.calibrate.judge.structure import find_structure
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.settings import ImageSize
-from fringeworks.calibrate.start import USUAL_MM, other_units
-from fringeworks.calibrate.structure import find_structure
 from fringeworks.errors import CalibrationError
 from fringeworks.model import AXES, Finding
 

@@ -7,13 +7,13 @@ from typing import TypeAlias
 
 import numpy as np
 
-from fringeworks.calibrate.bundle import Fit, rms_px
-from fringeworks.calibrate.observe import View
-from fringeworks.calibrate.start import (
+from fringeworks.calibrate.adjust.bundle import Fit, rms_px
+from fringeworks.calibrate.adjust.start import (
     LARGEST_RMS_PX,
     PROJECTOR_CAUSES,
     largest_tilt_deg,
 )
+from fringeworks.calibrate.observe import View
 from fringeworks.errors import CalibrationError
 from fringeworks.model import AXES, Capture, Finding
 from fringeworks.phase.bit_order import find_bit_order

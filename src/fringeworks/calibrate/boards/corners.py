@@ -15,9 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.charuco import find_charuco
-from fringeworks.calibrate.circles import find_circles
-from fringeworks.calibrate.found import (
+from fringeworks.calibrate.boards.charuco import find_charuco
+from fringeworks.calibrate.boards.circles import find_circles
+from fringeworks.calibrate.boards.found import (
     FoundCorners,
     Image,
     Points,
@@ -28,7 +28,7 @@ from fringeworks.calibrate.found import (
     square_sizes,
     to_8_bit,
 )
-from fringeworks.calibrate.saddle import refine_saddles
+from fringeworks.calibrate.boards.saddle import refine_saddles
 from fringeworks.errors import CalibrationError, ShapeError
 from fringeworks.model import (
     Capture,

@@ -19,15 +19,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.dense import bright_parts
-from fringeworks.calibrate.found import (
+from fringeworks.calibrate.boards.found import (
     SMALLEST_SQUARE_PX,
     grid_steps,
     right_handed,
     square_sizes,
     to_8_bit,
 )
-from fringeworks.calibrate.saddle import refine_saddles
+from fringeworks.calibrate.boards.saddle import refine_saddles
+from fringeworks.calibrate.dense import bright_parts
 from fringeworks.errors import CalibrationError
 from fringeworks.model import Capture, Checkerboard, CheckerboardTarget, ProjectorMap
 from fringeworks.model.sequence import PROJECTOR_EDGE_PX

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.board_shape import BoardFrame
-from fringeworks.calibrate.misfit import Seen
-from fringeworks.calibrate.projection import project_corners, project_sites
-from fringeworks.calibrate.state import CAMERA, PROJECTOR, RELATION, SHARED, RigState
+from fringeworks.calibrate.adjust.board_shape import BoardFrame
+from fringeworks.calibrate.adjust.projection import project_corners, project_sites
+from fringeworks.calibrate.adjust.state import CAMERA, PROJECTOR, RELATION, SHARED, RigState
+from fringeworks.calibrate.held.misfit import Seen
 from fringeworks.geometry.pose import left_jacobian, skew
 
 Array = NDArray[np.float64]

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import rq
 
+from fringeworks.calibrate.adjust.state import RigState
 from fringeworks.calibrate.observe import View, refuse_mirrored
 from fringeworks.calibrate.settings import ImageSize
-from fringeworks.calibrate.state import RigState
 from fringeworks.errors import CalibrationError
 from fringeworks.geometry.lens import project
 from fringeworks.geometry.pose import rotation_matrix, rotation_vector

@@ -11,14 +11,14 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from fringeworks.calibrate.checks import LEAST_VIEWS, enough_views
-from fringeworks.calibrate.corners import find_board, square_sizes
-from fringeworks.calibrate.found import FoundCorners
+from fringeworks.calibrate.boards.corners import find_board, square_sizes
+from fringeworks.calibrate.boards.found import FoundCorners
+from fringeworks.calibrate.judge.checks import LEAST_VIEWS, enough_views
 from fringeworks.calibrate.observe import View
-from fringeworks.calibrate.projected_camera import PosedView
-from fringeworks.calibrate.projected_corners import find_projected
-from fringeworks.calibrate.projected_fit import fit_paper
-from fringeworks.calibrate.projected_record import rig_of
+from fringeworks.calibrate.projected.camera import PosedView
+from fringeworks.calibrate.projected.corners import find_projected
+from fringeworks.calibrate.projected.fit import fit_paper
+from fringeworks.calibrate.projected.record import rig_of
 from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
 from fringeworks.calibrate.solve import same_sizes
 from fringeworks.errors import CalibrationError, DecodeError, FormatError

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.bundle import Fit
+from fringeworks.calibrate.adjust.bundle import Fit
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.settings import ImageSize
 from fringeworks.geometry.lens import project, unproject

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.found import (
+from fringeworks.calibrate.boards.found import (
     FoundCorners,
     Image,
     Points,
@@ -21,7 +21,7 @@ from fringeworks.calibrate.found import (
     right_handed,
     to_8_bit,
 )
-from fringeworks.calibrate.saddle import FALLBACK_SIGMA_PX, MODEL_SIGMA_PX
+from fringeworks.calibrate.boards.saddle import FALLBACK_SIGMA_PX, MODEL_SIGMA_PX
 from fringeworks.errors import CalibrationError
 from fringeworks.model import CirclesTarget
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.found import (
+from fringeworks.calibrate.boards.found import (
     FoundCorners,
     Image,
     grid_steps,
@@ -14,7 +14,7 @@ from fringeworks.calibrate.found import (
     refuse_small,
     to_8_bit,
 )
-from fringeworks.calibrate.saddle import refine_saddles
+from fringeworks.calibrate.boards.saddle import refine_saddles
 from fringeworks.errors import CalibrationError, UsageError
 from fringeworks.model import CharucoTarget
 

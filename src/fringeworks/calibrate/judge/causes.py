@@ -14,13 +14,18 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.bundle import Fit, refine, rms_px
-from fringeworks.calibrate.checks import GOOD_RMS_PX, LEAST_VIEWS, refuse_nonsense, sites_agree
-from fringeworks.calibrate.misfit import Seen, hold_against
+from fringeworks.calibrate.adjust.bundle import Fit, refine, rms_px
+from fringeworks.calibrate.adjust.start import start_state
+from fringeworks.calibrate.adjust.state import RigState
+from fringeworks.calibrate.held.misfit import Seen, hold_against
+from fringeworks.calibrate.judge.checks import (
+    GOOD_RMS_PX,
+    LEAST_VIEWS,
+    refuse_nonsense,
+    sites_agree,
+)
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
-from fringeworks.calibrate.start import start_state
-from fringeworks.calibrate.state import RigState
 from fringeworks.errors import CalibrationError
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import Camera, Finding, Lens, Pose, Projector, Rig

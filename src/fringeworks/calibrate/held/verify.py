@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.misfit import Misfit, Seen, hold_against
-from fringeworks.calibrate.moved import Explanation, explain
+from fringeworks.calibrate.held.misfit import Misfit, Seen, hold_against
+from fringeworks.calibrate.held.moved import Explanation, explain
 from fringeworks.calibrate.observe import View, observe_board
-from fringeworks.calibrate.projected_record import model_of
+from fringeworks.calibrate.projected.record import model_of
 from fringeworks.calibrate.record import read_record
 from fringeworks.calibrate.settings import CalibrationSettings
 from fringeworks.errors import CalibrationError, ShapeError

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.calibrate.observe import View
-from fringeworks.calibrate.projected_corners import ProjectedCorners
+from fringeworks.calibrate.projected.corners import ProjectedCorners
 from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
 from fringeworks.errors import CalibrationError
 from fringeworks.geometry.lens import project

@@ -15,13 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.bundle import Fit, refine
-from fringeworks.calibrate.checks import LEAST_VIEWS
-from fringeworks.calibrate.covariance import Covariance
-from fringeworks.calibrate.observe import View
-from fringeworks.calibrate.settings import CalibrationSettings
-from fringeworks.calibrate.state import DECENTRING, RigState
-from fringeworks.calibrate.uncertainty import (
+from fringeworks.calibrate.adjust.bundle import Fit, refine
+from fringeworks.calibrate.adjust.covariance import Covariance
+from fringeworks.calibrate.adjust.state import DECENTRING, RigState
+from fringeworks.calibrate.judge.checks import LEAST_VIEWS
+from fringeworks.calibrate.judge.uncertainty import (
     Field,
     points_by_parameters,
     rigid_motions,
@@ -30,6 +28,8 @@ from fringeworks.calibrate.uncertainty import (
     variances,
     without_motion,
 )
+from fringeworks.calibrate.observe import View
+from fringeworks.calibrate.settings import CalibrationSettings
 from fringeworks.errors import CalibrationError
 from fringeworks.geometry.align import align_points
 from fringeworks.model import Finding

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.board_shape import BoardFrame, cut_rays
+from fringeworks.calibrate.adjust.board_shape import BoardFrame, cut_rays
+from fringeworks.calibrate.adjust.projection import project_sites
+from fringeworks.calibrate.adjust.spread import robust_sigma
+from fringeworks.calibrate.adjust.state import RigState
 from fringeworks.calibrate.observe import View
-from fringeworks.calibrate.projection import project_sites
-from fringeworks.calibrate.spread import robust_sigma
-from fringeworks.calibrate.state import RigState
 from fringeworks.errors import CalibrationError
 from fringeworks.geometry.lens import unproject
 from fringeworks.geometry.pose import rotation_matrix

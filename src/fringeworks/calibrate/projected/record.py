@@ -13,15 +13,15 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.checks import GOOD_TILT_DEG, Failed
-from fringeworks.calibrate.noticed import notice_distance
+from fringeworks.calibrate.adjust.start import largest_tilt_deg
+from fringeworks.calibrate.adjust.state import SHAPE_NAMES
+from fringeworks.calibrate.judge.checks import GOOD_TILT_DEG, Failed
+from fringeworks.calibrate.judge.noticed import notice_distance
 from fringeworks.calibrate.observe import View
-from fringeworks.calibrate.projected_camera import KEPT_PX, PosedView
-from fringeworks.calibrate.projected_fit import PaperFit
+from fringeworks.calibrate.projected.camera import KEPT_PX, PosedView
+from fringeworks.calibrate.projected.fit import PaperFit
 from fringeworks.calibrate.record import KEY
 from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
-from fringeworks.calibrate.start import largest_tilt_deg
-from fringeworks.calibrate.state import SHAPE_NAMES
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import (
     Camera,

@@ -22,8 +22,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fringeworks.calibrate.adjust.spread import robust_sigma
+from fringeworks.calibrate.adjust.start import LARGEST_RMS_PX, PROJECTOR_CAUSES, start_state
+from fringeworks.calibrate.adjust.state import RigState
+from fringeworks.calibrate.judge.trim import DOES_NOT_FIT
 from fringeworks.calibrate.observe import View
-from fringeworks.calibrate.projected_camera import (
+from fringeworks.calibrate.projected.camera import (
     LEAST_LEFT,
     MOST_ROUNDS,
     PosedView,
@@ -36,10 +40,6 @@ from fringeworks.calibrate.projected_camera import (
     zhang,
 )
 from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
-from fringeworks.calibrate.spread import robust_sigma
-from fringeworks.calibrate.start import LARGEST_RMS_PX, PROJECTOR_CAUSES, start_state
-from fringeworks.calibrate.state import RigState
-from fringeworks.calibrate.trim import DOES_NOT_FIT
 from fringeworks.errors import CalibrationError
 from fringeworks.geometry.lens import project, project_jacobian, unproject
 from fringeworks.geometry.minimise import Block, minimise

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.covariance import Covariance
-from fringeworks.calibrate.state import (
+from fringeworks.calibrate.adjust.covariance import Covariance
+from fringeworks.calibrate.adjust.state import (
     CAMERA,
     POSE,
     PROJECTOR,

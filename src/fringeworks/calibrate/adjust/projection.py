@@ -12,8 +12,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.board_shape import BoardFrame, cut_rays
-from fringeworks.calibrate.state import CAMERA, POSE, PROJECTOR, RELATION, SHAPE, SHARED, RigState
+from fringeworks.calibrate.adjust.board_shape import BoardFrame, cut_rays
+from fringeworks.calibrate.adjust.state import (
+    CAMERA,
+    POSE,
+    PROJECTOR,
+    RELATION,
+    SHAPE,
+    SHARED,
+    RigState,
+)
 from fringeworks.geometry.lens import project_jacobian, unproject_jacobian
 from fringeworks.geometry.pose import left_jacobian, move_jacobian, rotation_matrix
 

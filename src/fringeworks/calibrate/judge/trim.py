@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.bundle import Fit
+from fringeworks.calibrate.adjust.bundle import Fit
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.settings import CalibrationSettings
 

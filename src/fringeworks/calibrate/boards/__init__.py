@@ -1,0 +1,1 @@
+"""Finding a board's corners in an image: checkerboard, ChArUco, circles."""

@@ -1,0 +1,1 @@
+"""What to think of a solution: errors, findings, causes, and how well it is known."""
