@@ -201,7 +201,7 @@ def make_notes(results: Results) -> Iterator[str]:
     )
     yield (
         "sites err together: variance of the means over sixteenths of the board over what their "
-        "sites' scatter gives them; one without structure (calibrate/structure.py)."
+        "sites' scatter gives them; one without structure (calibrate/judge/structure.py)."
     )
     warned = []
     for name, kind, shape in GROUPS:
