@@ -12,7 +12,6 @@ import pytest
 
 from fringeworks.errors import UsageError
 from fringeworks.files import read_capture
-from fringeworks.files.images import to_grey
 from fringeworks.model import (
     Capture,
     Checkerboard,
@@ -26,6 +25,7 @@ from fringeworks.model import (
     Staircase,
     Uniform,
 )
+from fringeworks.model.capture import to_grey
 from tests.files.folders import (
     HEIGHT,
     WIDTH,
@@ -103,7 +103,7 @@ def test_every_kind(tmp_path: Path) -> None:
         Picture(2),
     ]
     assert [str(finding) for finding in capture.findings] == [
-        "note: set 3 (colour): kept as grey, colour decoding is planned."
+        "warning: set 3 (colour): its images are grey. Record them with a colour camera."
     ]
 
 
@@ -204,6 +204,39 @@ def test_a_colour_white_frame_is_kept_in_colour(tmp_path: Path) -> None:
     assert [str(finding) for finding in capture.findings] == [
         "note: 1 of 7 images are colour (first: white.png): converted to grey (BT.601 luma)."
     ]
+
+
+def test_a_colour_set_keeps_its_channels_and_so_do_white_and_black(tmp_path: Path) -> None:
+    description = document()
+    described = {"kind": "colour", "axis": "x", "period_px": 8.0, "palette": ["red", "green"]}
+    description["set"] += [
+        {"kind": "uniform", "level": 0.0, "images": ["black.png"]},
+        {**described, "images": ["c.png", "d.png"], "repeats": 2},
+    ]
+    folder = make_capture(tmp_path, description)
+    seen = {name: pixels(name, shape=(HEIGHT, WIDTH, 3)) for name in ("black", "white", "c", "d")}
+    for name, image in seen.items():
+        write_raw(folder / f"{name}.png", image[..., ::-1])
+    capture = read_capture(folder)
+    assert capture.colour is not None
+    assert capture.dark_colour is not None
+    np.testing.assert_array_equal(capture.colour, seen["white"])
+    np.testing.assert_array_equal(capture.dark_colour, seen["black"])
+    np.testing.assert_array_equal(capture.frames[4][0], to_grey(seen["black"]))
+    np.testing.assert_array_equal(capture.frames[5], np.stack([seen["c"], seen["d"]]))
+    assert capture.shape == (HEIGHT, WIDTH)
+    assert [str(finding) for finding in capture.findings] == [
+        "note: 2 of 10 images are colour (first: white.png): converted to grey (BT.601 luma)."
+    ]
+
+
+def test_a_colour_set_of_which_one_image_is_grey_is_grey(tmp_path: Path) -> None:
+    description = document()
+    described = {"kind": "colour", "axis": "x", "period_px": 8.0, "palette": ["red", "green"]}
+    description["set"].append({**described, "images": ["c.png", "d.png"], "repeats": 2})
+    folder = make_capture(tmp_path, description)
+    write_raw(folder / "c.png", pixels("c", shape=(HEIGHT, WIDTH, 3)))
+    assert read_capture(folder).frames[4].shape == (2, HEIGHT, WIDTH)
 
 
 def test_colour_of_another_uniform_frame_is_not_the_whites(tmp_path: Path) -> None:

@@ -16,8 +16,8 @@ from fringeworks import model
 from fringeworks.errors import FormatError, ShapeError, UsageError
 from fringeworks.files import capture_writing, read_capture, write_capture, write_sequence
 from fringeworks.files.capture_writing import describe_capture
-from fringeworks.files.images import to_grey
 from fringeworks.model import Capture, Fringe, GrayCode, PatternSet, Sensor, Uniform
+from fringeworks.model.capture import to_grey
 from tests.files.folders import HEIGHT, WIDTH, make_capture, pixels
 
 Item = TypeVar("Item")
@@ -97,6 +97,26 @@ def test_the_white_frame_is_written_in_colour(tmp_path: Path) -> None:
     assert_same(again, capture)
     assert again.colour is not None
     np.testing.assert_array_equal(again.colour, colour)
+
+
+def test_colour_sets_and_black_are_written_in_colour(tmp_path: Path) -> None:
+    black, white = (pixels(name, shape=(HEIGHT, WIDTH, 3)) for name in ("black", "white"))
+    painted = PatternSet(model.Colour("x", 32.0, ("red", "green")), repeats=2)
+    capture = capture_of(
+        (PatternSet(Uniform(0.0)), WHITE, painted),
+        frames=(
+            to_grey(black)[None],
+            to_grey(white)[None],
+            pixels("painted", shape=(2, HEIGHT, WIDTH, 3)),
+        ),
+        colour=white,
+        dark_colour=black,
+    )
+    write_capture(capture, tmp_path)
+    again = read_capture(tmp_path)
+    assert_same(again, capture)
+    assert again.dark_colour is not None
+    np.testing.assert_array_equal(again.dark_colour, black)
 
 
 @pytest.mark.parametrize("level", [0.0, 0.5])

@@ -17,8 +17,7 @@ from PIL import Image
 from fringeworks.errors import FormatError, ShapeError, UsageError
 from fringeworks.files import read_image, write_image
 from fringeworks.files.image_header import inspect_image
-from fringeworks.files.images import to_grey
-from fringeworks.model.capture import MAX_PIXELS, Frames
+from fringeworks.model.capture import MAX_PIXELS, Frames, to_grey
 from tests.files.folders import pixels, write_raw
 
 GREY8 = pixels("grey", shape=(11, 13))

@@ -29,6 +29,7 @@ OTHER = Effects(
         vignetting=0.3,
         pixel_seed=7,
         shot_noise=False,
+        colour_response=((0.9, 0.1, 0.0), (0.1, 0.7, 0.1), (0.0, 0.2, 0.8)),
     ),
     ProjectorEffects(
         light_per_ms=0.1,
@@ -81,6 +82,8 @@ def test_the_file_says_every_key(tmp_path: Path) -> None:
     assert document["projector"].pop("response") == [list(point) for point in CURVE]
     expected = asdict(OTHER)
     del expected["projector"]["response"]
+    rows = [list(row) for row in expected["camera"].pop("colour_response")]
+    assert document["camera"].pop("colour_response") == rows
     assert document == expected
 
 
@@ -130,6 +133,9 @@ def test_refusals(tmp_path: Path, tables: dict[str, Any], message: str) -> None:
         ("camera", "bits", 17),
         ("camera", "full_well_e", -1.0),
         ("camera", "read_noise_e", -1.0),
+        ("camera", "colour_response", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+        ("camera", "colour_response", [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+        ("camera", "colour_response", [[1.0, -0.1, 0.1], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
         ("projector", "light_per_ms", -0.1),
         ("projector", "gamma", 0.0),
         ("projector", "response", [[0.0, 0.0], [0.6, 0.4], [0.5, 0.5], [1.0, 1.0]]),

@@ -16,6 +16,7 @@ from fringeworks.model import (
     Frames,
     Fringe,
     Lens,
+    Pattern,
     PatternSet,
     Pose,
     Sequence,
@@ -28,6 +29,7 @@ from fringeworks.twin.effects import (
     Effects,
     Lattice,
     ProjectorEffects,
+    crosstalk_response,
 )
 from fringeworks.twin.scene import Object, Plane, Scene, Sphere
 from fringeworks.twin.simulate import simulate
@@ -275,6 +277,55 @@ def test_colour_is_shown_as_its_mean() -> None:
     assert {0, 21845, 65535} == set(np.unique(grey).tolist())
     expected = Stage(wall(650.0), RIG, IDEAL).expose(grey, rng=NO_NOISE)
     np.testing.assert_array_equal(made.capture.frames[0][0], expected)
+
+
+RESPONSE = ((0.9, 0.1, 0.0), (0.2, 0.6, 0.1), (0.0, 0.3, 0.5))
+COLOUR = replace(
+    IDEAL,
+    camera=replace(IDEAL.camera, colour_response=RESPONSE),
+    ambient=AmbientEffects(light_per_ms=0.02, ripple=0.0),
+)
+
+
+def test_a_colour_camera_by_hand() -> None:
+    """Light of the primaries (1, 0.5, 0) through the response, and ambient as white of all three.
+
+    A wall of albedo 1, 10 ms; half a level of rounding in 16 bits for
+    the grey frame and the seen one, and that of 32768 as a half.
+    """
+    image = np.zeros((*SHAPE, 3), np.uint16)
+    image[..., 0], image[..., 1] = 65535, 32768
+    seen = expose(wall(650.0), COLOUR, image)
+    grey = expose(wall(650.0), IDEAL, uniform(65535))
+    ambient = 0.02 * 10 * 65535
+    rows = np.array(RESPONSE)
+    expected = grey[..., None] * (rows @ [1.0, 0.5, 0.0]) + ambient * rows.sum(axis=1)
+    lit = grey > 0
+    np.testing.assert_allclose(seen[lit], expected[lit], atol=3)
+
+
+def test_a_colour_camera_keeps_colour_where_it_is_read() -> None:
+    fringe = Fringe("x", 20.0, equal_shifts(3))
+    painted = Colour("x", 20.0, ("red", "blue"))
+    shown: tuple[Pattern, ...] = (painted, fringe, Uniform(1.0), Uniform(0.0))
+    sequence = Sequence(201, 101, tuple(map(PatternSet, shown)))
+    capture = simulate(wall(650.0), RIG, sequence, effects=COLOUR, rng=NO_NOISE).capture
+    assert capture.frames[0].shape == (1, *capture.shape, 3)
+    assert capture.frames[1].shape == (3, *capture.shape)
+    stage = Stage(wall(650.0), RIG, COLOUR)
+    black = stage.expose(np.zeros(SHAPE, np.uint16), rng=NO_NOISE)
+    assert capture.colour is not None
+    assert capture.dark_colour is not None
+    np.testing.assert_array_equal(capture.dark_colour, black)
+    assert capture.colour.shape == (*capture.shape, 3)
+    luma = capture.colour @ [0.299, 0.587, 0.114]
+    np.testing.assert_allclose(capture.frames[2][0], luma, atol=1)
+
+
+def test_crosstalk_passes_white_on() -> None:
+    rows = np.array(crosstalk_response(0.15))
+    np.testing.assert_allclose(rows.sum(axis=1), 1, rtol=1e-12)
+    assert rows[0].tolist() == [0.85, 0.15, 0.0]
 
 
 def test_progress_counts_frames() -> None:

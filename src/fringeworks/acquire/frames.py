@@ -116,9 +116,10 @@ class FrameTaker:
 
     def _checked(self, grab: Grab) -> Frames:
         image = grab.image()
-        if image.shape != (self._camera.height, self._camera.width):
+        fits = image.shape[:2] == (self._camera.height, self._camera.width)
+        if not fits or image.shape[2:] not in ((), (3,)):
             size = f"{self._camera.width}x{self._camera.height}"
-            got = "x".join(map(str, reversed(image.shape)))
+            got = "x".join(map(str, (*reversed(image.shape[:2]), *image.shape[2:])))
             raise DeviceError(f"frame {grab.number} must be {size} px, got {got}")
         return image
 

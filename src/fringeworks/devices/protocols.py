@@ -25,8 +25,8 @@ class Grab:
     start_s
         Start of the exposure, on the acquisition's clock.
     image
-        Call it for the grey levels ``(H, W)``, uint8 or uint16, every time the same. Frames that
-        are passed over are never unpacked.
+        Call it for the grey levels ``(H, W)``, of a colour camera ``(H, W, 3)``, uint8 or uint16,
+        every time the same. Frames that are passed over are never unpacked.
     """
 
     number: int
@@ -47,7 +47,7 @@ class ProjectorDevice(Protocol):
     def bits(self) -> int: ...
 
     def show(self, image: Frames) -> None:
-        """Show ``(height, width)`` grey levels, 0 to 2^bits - 1, until the next call.
+        """Show ``(height, width[, 3])`` grey levels, 0 to 2^bits - 1, until the next call.
 
         Returns when the device has the image; its light may come later (see `Timing.settle_ms`).
         """

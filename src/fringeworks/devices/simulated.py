@@ -129,7 +129,8 @@ class SimulatedProjector:
 
     def show(self, image: Frames) -> None:
         """See `ProjectorDevice`; ShapeError for another size or type of image."""
-        if image.shape != self._dark.shape or image.dtype != self._dark.dtype:
+        fits = image.shape[:2] == self._dark.shape and image.shape[2:] in ((), (3,))
+        if not fits or image.dtype != self._dark.dtype:
             raise ShapeError(
                 f"image must be {self._dark.shape} of {self._dark.dtype}, "
                 f"got {image.shape} of {image.dtype}"

@@ -42,8 +42,9 @@ def read_capture(
 
     Everything cheap is checked first, for all groups: the description, that each image exists
     inside the folder, its header. Only then are the images of `group` (None: the first there
-    is) decoded, 8 or 16 bit, as they are in the file; colour becomes its luma, and the colour of
-    the white set (`Sequence.white_set`) is kept. `progress` wraps the iteration over images.
+    is) decoded, 8 or 16 bit, as they are in the file; colour becomes its luma, but for that of
+    `Colour` sets and of the white and the black one (`Sequence.white_set`), which is kept.
+    `progress` wraps the iteration over images.
 
     Raises
     ------
@@ -63,13 +64,15 @@ def read_capture(
     used_sequence = Sequence(
         sequence.width, sequence.height, tuple(sequence.sets[i] for i in chosen)
     )
-    frames = decode_stacks(used, progress or no_progress)
+    in_colour = _seen_in_colour(used_sequence, used)
+    frames = decode_stacks(used, progress or no_progress, in_colour=in_colour)
     sensor, found = _sensor(file.camera, frames, path)
     return Capture(
         sequence=used_sequence,
         frames=frames,
         sensor=sensor,
-        colour=_white_colour(used_sequence, used),
+        colour=_colour_of(used_sequence.white_set, used),
+        dark_colour=_colour_of(used_sequence.black_set, used),
         name=folder.resolve().name,
         findings=(
             *notice_spare_bits(file),
@@ -164,12 +167,20 @@ def _brightest(frames: Items[Frames]) -> int:
     return max(int(stack.max()) for stack in frames)
 
 
-def _white_colour(sequence: Sequence, images: Items[Items[ImageFile]]) -> Frames | None:
-    """RGB of the white set's first image where the camera saw colour."""
-    white = sequence.white_set
-    if white is None or not images[white][0].header.is_colour:
+def _seen_in_colour(sequence: Sequence, images: Items[Items[ImageFile]]) -> tuple[int, ...]:
+    """Indices of the `Colour` sets all of whose images are in colour."""
+    return tuple(
+        index
+        for index, (item, row) in enumerate(zip(sequence.sets, images, strict=True))
+        if isinstance(item.pattern, Colour) and all(image.header.is_colour for image in row)
+    )
+
+
+def _colour_of(uniform: int | None, images: Items[Items[ImageFile]]) -> Frames | None:
+    """RGB of the first image of a uniform set where the camera saw colour."""
+    if uniform is None or not images[uniform][0].header.is_colour:
         return None
-    image = images[white][0]
+    image = images[uniform][0]
     colour = decode_image(image.path, image.header)
     grey = np.array_equal(colour[..., 0], colour[..., 1]) and np.array_equal(
         colour[..., 0], colour[..., 2]
@@ -182,7 +193,12 @@ def _notice_images(
 ) -> list[Finding]:
     every = [image for row in images for image in row]
     lossy = [image.path.name for image in every if image.header.lossy]
-    colour = [image.path.name for image in every if image.header.is_colour]
+    colour = [
+        image.path.name
+        for row, index in zip(images, chosen, strict=True)
+        for image in row
+        if image.header.is_colour and not isinstance(file.set[index].pattern(), Colour)
+    ]
     found = []
     if lossy:
         message = f"{len(lossy)} of {len(every)} images are JPEG (first: {lossy[0]})"
@@ -196,10 +212,11 @@ def _notice_images(
     if colour:
         message = f"{len(colour)} of {len(every)} images are colour (first: {colour[0]})"
         found.append(Finding("note", f"{message}: converted to grey (BT.601 luma)."))
-    for index in chosen:
-        if isinstance(file.set[index].pattern(), Colour):
-            what = f"{place(index, file.set[index])}: kept as grey, colour decoding is planned."
-            found.append(Finding("note", what))
+    for row, index in zip(images, chosen, strict=True):
+        seen = all(image.header.is_colour for image in row)
+        if isinstance(file.set[index].pattern(), Colour) and not seen:
+            what = f"{place(index, file.set[index])}: its images are grey."
+            found.append(Finding("warning", what, "Record them with a colour camera."))
     return found
 
 

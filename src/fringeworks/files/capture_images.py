@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,10 +18,10 @@ import numpy as np
 
 from fringeworks.errors import FormatError
 from fringeworks.files.image_header import ImageHeader, inspect_image
-from fringeworks.files.images import decode_image, quiet_opencv, to_grey
+from fringeworks.files.images import decode_image, quiet_opencv
 from fringeworks.files.inside import locate_inside
 from fringeworks.files.validation import SHOWN
-from fringeworks.model.capture import Frames
+from fringeworks.model.capture import Frames, to_grey
 from fringeworks.model.progress import Progress, no_progress
 
 MAX_CAPTURE_BYTES = 8 * 2**30
@@ -110,10 +110,19 @@ def check_memory(folder: Path, images: Sequence[ImageFile]) -> None:
 
 
 def decode_stacks(
-    sets: Sequence[Sequence[ImageFile]], progress: Progress = no_progress
+    sets: Sequence[Sequence[ImageFile]],
+    progress: Progress = no_progress,
+    *,
+    in_colour: Collection[int] = (),
 ) -> tuple[Frames, ...]:
-    """One grey stack ``(n, H, W)`` per set, uint8 or uint16; colour becomes its luma."""
-    stacks = tuple(_empty_stack(images) for images in sets)
+    """One grey stack ``(n, H, W)`` per set, uint8 or uint16; colour becomes its luma.
+
+    Sets whose index is `in_colour` keep their three channels, ``(n, H, W, 3)``.
+    """
+    stacks = tuple(
+        _empty_stack(images, (3,) if index in in_colour else ())
+        for index, images in enumerate(sets)
+    )
     jobs = [
         (stack, index, image)
         for stack, images in zip(stacks, sets, strict=True)
@@ -122,16 +131,17 @@ def decode_stacks(
 
     def decode(job: tuple[Frames, int, ImageFile]) -> None:
         stack, index, image = job
-        stack[index] = to_grey(decode_image(image.path, image.header))
+        pixels = decode_image(image.path, image.header)
+        stack[index] = pixels if stack.ndim == 4 else to_grey(pixels)
 
     with quiet_opencv():
         _run_all(decode, jobs, progress)
     return stacks
 
 
-def _empty_stack(images: Sequence[ImageFile]) -> Frames:
+def _empty_stack(images: Sequence[ImageFile], channels: tuple[int, ...]) -> Frames:
     header = images[0].header
-    shape = (len(images), header.height, header.width)
+    shape = (len(images), header.height, header.width, *channels)
     return np.empty(shape, np.uint8) if header.bits == 8 else np.empty(shape, np.uint16)
 
 

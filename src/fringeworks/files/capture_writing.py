@@ -56,7 +56,7 @@ def write_capture(
 ) -> Path:
     """Write a capture's PNG images and ``capture.toml`` into `folder`; see `write_sequence`.
 
-    The colour, where there is one, stands in the first file of the white set
+    The colours, where there are any, stand in the first files of the white and the black set
     (`Sequence.white_set`), and nowhere without one.
     """
     return write_sequence(
@@ -82,7 +82,7 @@ def write_sequence(
 ) -> Path:
     """Write the images of each set, then the ``capture.toml`` that describes them.
 
-    `stacks` yields the frames of one set after the other, ``(n, H, W)`` or a list of images; only
+    `stacks` yields the frames of one set after the other, ``(n, H, W[, 3])`` or a list; only
     one set need be in memory. A capture that is already there is only replaced with
     `overwrite`; its description goes first, so that no moment pairs old words with new images.
     Returns the path of ``capture.toml``.
@@ -190,11 +190,12 @@ def check_folder(folder: Path) -> None:
 
 
 def _images(capture: Capture) -> list[list[Frames]]:
-    """All frames; the white set's first one in colour where there is one."""
+    """All frames; the first one of the white and of the black set in colour where there is one."""
     images = [list(stack) for _, stack in capture]
-    white = capture.sequence.white_set
-    if capture.colour is not None and white is not None:
-        images[white][0] = capture.colour
+    white, black = capture.sequence.white_set, capture.sequence.black_set
+    for uniform, colour in ((white, capture.colour), (black, capture.dark_colour)):
+        if colour is not None and uniform is not None:
+            images[uniform][0] = colour
     return images
 
 

@@ -88,15 +88,6 @@ def _without_alpha(path: Path, image: Frames, header: ImageHeader) -> Frames:
     return cast(Frames, np.ascontiguousarray(image[..., 2::-1]))
 
 
-def to_grey(image: Frames) -> Frames:
-    """``(H, W)`` luma (ITU-R BT.601) of an ``(H, W, 3)`` RGB image; a grey one as it is."""
-    if image.ndim == 2:
-        return image
-    import cv2
-
-    return cast(Frames, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
-
-
 def write_image(path: str | Path, image: Frames) -> None:
     """Write ``(H, W)`` grey or ``(H, W, 3)`` RGB, uint8 or uint16, as PNG; atomic.
 

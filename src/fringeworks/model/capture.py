@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.errors import ShapeError
 from fringeworks.model.finding import Finding
-from fringeworks.model.sequence import Pattern, PatternSet, Sequence
+from fringeworks.model.sequence import Colour, Pattern, PatternSet, Sequence
 
 Frames: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -58,11 +58,14 @@ class Capture:
     sequence
         What was projected.
     frames
-        One stack ``(n, H, W)`` of grey levels per set of the sequence, ``n`` its `image_count`.
+        One stack ``(n, H, W)`` of grey levels per set of the sequence, ``n`` its `image_count`;
+        ``(n, H, W, 3)``, RGB, for a `Colour` set that the camera saw in colour.
     sensor
         Full scale and, where known, noise.
     colour
         ``(H, W, 3)`` RGB of the white set's first image where the camera saw colour, else None.
+    dark_colour
+        The same of the black set.
     name
         What the user calls it: the folder's name.
     findings
@@ -73,6 +76,7 @@ class Capture:
     frames: tuple[Frames, ...]
     sensor: Sensor
     colour: Frames | None = None
+    dark_colour: Frames | None = None
     name: str = "capture"
     findings: tuple[Finding, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
@@ -85,13 +89,14 @@ class Capture:
             )
         for stack, pattern_set in zip(self.frames, self.sequence.sets, strict=True):
             expected = (pattern_set.image_count, *self.shape)
-            if stack.shape != expected:
+            in_colour = isinstance(pattern_set.pattern, Colour) and stack.ndim == 4
+            if stack.shape != ((*expected, 3) if in_colour else expected):
                 raise ShapeError(f"a stack of frames must be {expected}, got {stack.shape}")
 
     @property
     def shape(self) -> tuple[int, int]:
         """(H, W) of the camera image."""
-        height, width = self.frames[0].shape[-2:]
+        height, width = self.frames[0].shape[1:3]
         return height, width
 
     def __iter__(self) -> Iterator[tuple[PatternSet, Frames]]:
@@ -106,6 +111,7 @@ class Capture:
             sequence=Sequence(self.sequence.width, self.sequence.height, sets),
             frames=tuple(self.frames[i] for i in chosen),
             colour=self.colour if self.sequence.white_set in chosen else None,
+            dark_colour=self.dark_colour if self.sequence.black_set in chosen else None,
         )
 
     def white(self) -> NDArray[np.float32] | None:
@@ -131,3 +137,12 @@ class Capture:
             for item, stack in self
             if isinstance(item.pattern, kind)
         ]
+
+
+def to_grey(image: Frames) -> Frames:
+    """``(H, W)`` luma (ITU-R BT.601) of an ``(H, W, 3)`` RGB image; a grey one as it is."""
+    if image.ndim == 2:
+        return image
+    import cv2
+
+    return cast(Frames, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))

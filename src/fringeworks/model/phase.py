@@ -21,6 +21,7 @@ VoidMap: TypeAlias = NDArray[np.uint8]
 NoiseSource: TypeAlias = Literal["camera", "residual", "high-pass"]
 
 VOID_ORDER = -1
+VOID_REGION = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +97,45 @@ class WrappedPhase:
     sigma: FloatMap
     noise: Noise
     void: VoidMap
+
+
+@dataclass(frozen=True, slots=True)
+class UnwrappedPhase:
+    """A wrapped phase that is continuous inside regions, each with a constant nobody knows yet.
+
+    Attributes
+    ----------
+    wrapped
+        What was unwrapped.
+    turns
+        ``(H, W)`` int32: ``phi + 2 pi turns`` is continuous inside a region; counted from
+        wherever the unwrapping began, 0 where void.
+    region
+        ``(H, W)`` int32 label, 0 to `region_count` - 1; `VOID_REGION` where void.
+    residues, open_loops
+        Loops of four pixels, and longer ones round holes, that do not close. With neither, every
+        path through a region gives the same phase.
+    torn_links
+        Neighbours whose unwrapped phases are more than half a turn apart: there the phase had to
+        be torn. Zero where all loops close.
+    """
+
+    wrapped: WrappedPhase
+    turns: OrderMap
+    region: OrderMap
+    region_count: int
+    residues: int = 0
+    open_loops: int = 0
+    torn_links: int = 0
+
+    @property
+    def fringe(self) -> Fringe:
+        return self.wrapped.fringe
+
+    @property
+    def phase(self) -> FloatMap:
+        """Relative phase, rad; NaN where void."""
+        return (self.wrapped.phase + np.float32(2 * np.pi) * self.turns).astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from fringeworks.errors import UsageError
 from fringeworks.model import Pose
-from fringeworks.twin.effects import LEAST_MS, MOST_MS, MOST_SEED, Effects
+from fringeworks.twin.effects import LEAST_MS, MOST_MS, MOST_SEED, ColourResponse, Effects
 from fringeworks.twin.meshes import check_mesh
 from fringeworks.twin.scene import (
     MOST_MM,
@@ -169,6 +169,7 @@ def _check_choices(effects: Effects) -> None:
     _require(effects.samples in (1, 4, 16), "samples", "1, 4 or 16", effects.samples)
     _require(effects.bounces in (0, 1), "bounces", "0 or 1", effects.bounces)
     _check_response(projector.response)
+    _check_colour_response(camera.colour_response)
 
 
 def _check_response(response: tuple[tuple[float, float], ...]) -> None:
@@ -179,6 +180,16 @@ def _check_response(response: tuple[tuple[float, float], ...]) -> None:
     rises = len(points) > 1 and bool((np.diff(points, axis=0) > 0).all())
     expected = "two points or more (level, light), 0 to 1, both rising"
     _require(inside and rises, "projector.response", expected, response)
+
+
+def _check_colour_response(response: ColourResponse) -> None:
+    if not response:
+        return
+    rows = np.array(response, dtype=np.float64)
+    square = rows.shape == (3, 3) and bool((rows >= 0).all() and (rows.sum(axis=1) > 0).all())
+    small = square and bool((rows <= MOST_OF_ALL).all())
+    expected = "three rows of three shares, none below 0, each with light of one primary at least"
+    _require(small, "camera.colour_response", expected, response)
 
 
 def _check_poses(scene: Scene, names: list[str]) -> None:

@@ -15,6 +15,7 @@ LEAST_MS, MOST_MS = 1e-3, 6e4
 MOST_SEED = 2**63 - 1
 
 Lattice: TypeAlias = Literal["square", "diamond", "none"]
+ColourResponse: TypeAlias = tuple[tuple[float, float, float], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +47,11 @@ class CameraEffects:
         Seed of the pixels' gains and offsets: the same camera in every capture.
     shot_noise
         Whether electrons arrive at random.
+    colour_response
+        Empty: a grey camera. Else three rows, red, green and blue channel: what each receives of
+        the projector's red, green and blue light, as a share of white. Off the diagonal stands
+        crosstalk; a row's sum is the channel's gain on white, so that of ambient light too. Every
+        pixel has all three channels: there is no mosaic of filters.
     """
 
     bits: int = 8
@@ -59,6 +65,7 @@ class CameraEffects:
     vignetting: float = 0.15
     pixel_seed: int = 0
     shot_noise: bool = True
+    colour_response: ColourResponse = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,3 +189,15 @@ class Effects:
         )
         ambient = AmbientEffects(light_per_ms=0.0, ripple=0.0)
         return cls(camera, projector, ambient, samples=1)
+
+
+def crosstalk_response(share: float) -> ColourResponse:
+    """Channels that see this share of each neighbouring primary's light in place of their own.
+
+    Red and blue have one neighbour in the spectrum, green has two; white is one in each channel.
+    """
+    return (
+        (1 - share, share, 0.0),
+        (share, 1 - 2 * share, share),
+        (0.0, share, 1 - share),
+    )

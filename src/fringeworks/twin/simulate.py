@@ -8,7 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from fringeworks.model import Capture, Frames, PatternSet, Progress, Rig, Sequence, no_progress
+from fringeworks.model import (
+    Capture,
+    Colour,
+    Frames,
+    PatternSet,
+    Progress,
+    Rig,
+    Sequence,
+    no_progress,
+)
+from fringeworks.model.capture import to_grey
 from fringeworks.patterns import render_sequence
 from fringeworks.twin.effects import Effects
 from fringeworks.twin.scene import Scene
@@ -35,8 +45,9 @@ def simulate(
 ) -> Simulation:
     """Show a sequence image by image, one every `frame_interval_ms`, and take a frame of each.
 
-    Images in colour are shown as the mean of their channels: light of the twin has no colour.
-    The further places of a posed object are not looked at: a scene is one capture.
+    A colour camera's frames are kept as their luma, but for those of `Colour` sets and of the
+    white and the black one, as a reader of its files would. The further places of a posed object
+    are not looked at: a scene is one capture.
 
     Raises
     ------
@@ -51,13 +62,23 @@ def simulate(
     count = sum(item.image_count for item in sequence.sets)
     interval_s = effects.frame_interval_ms / 1000
     frames: list[list[Frames]] = [[] for _ in sequence.sets]
+    colours: dict[int | None, Frames] = {}
     for number in progress(range(count), "simulating"):
         place, item, image = next(images)
         time_s = number * interval_s
         frame = stage.expose(image, rng=rng, time_s=time_s, exposure_ms=item.exposure_ms)
-        frames[place].append(frame)
+        if frame.ndim == 3:
+            colours.setdefault(place, frame)
+        frames[place].append(frame if isinstance(item.pattern, Colour) else to_grey(frame))
     stacks: list[Any] = [np.stack(stack) for stack in frames]
-    capture = Capture(sequence, tuple(stacks), stage.sensor, name=scene.name)
+    capture = Capture(
+        sequence,
+        tuple(stacks),
+        stage.sensor,
+        colour=colours.get(sequence.white_set),
+        dark_colour=colours.get(sequence.black_set),
+        name=scene.name,
+    )
     return Simulation(capture, stage.truth())
 
 
@@ -65,11 +86,4 @@ def _images(sequence: Sequence, bits: int) -> Iterator[tuple[int, PatternSet, Fr
     """Every image with its set and the set's place."""
     for place, (item, stack) in enumerate(render_sequence(sequence, bits=bits)):
         for image in stack:
-            yield place, item, _without_colour(image)
-
-
-def _without_colour(image: Frames) -> Frames:
-    if image.ndim == 2:
-        return image
-    grey: Frames = np.round(image.mean(axis=-1)).astype(image.dtype)
-    return grey
+            yield place, item, image

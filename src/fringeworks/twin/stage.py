@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,12 +77,13 @@ class Stage:
         time_s: float = 0.0,
         exposure_ms: float | None = None,
     ) -> Frames:
-        """One frame ``(H, W)`` of the camera while the projector shows an image.
+        """One frame of the camera while the projector shows an image.
 
         Parameters
         ----------
         image
-            Grey levels ``(height, width)`` of the projector at its effects' bits.
+            Grey levels ``(height, width)`` of the projector at its effects' bits, or red, green and
+            blue ones ``(height, width, 3)``; a grey camera sees the mean of those.
         rng
             Light, electrons and electronics draw from it.
         time_s
@@ -93,7 +94,7 @@ class Stage:
         Returns
         -------
         Frames
-            uint8 for a camera of 8 bits, else uint16.
+            ``(H, W)``, of a colour camera ``(H, W, 3)``; uint8 for a camera of 8 bits, else uint16.
 
         Raises
         ------
@@ -109,9 +110,10 @@ class Stage:
         white = self.effects.projector.light_per_ms * exposure_ms
         white *= 1 + self.effects.projector.flicker * rng.standard_normal()
         ambient = ambient_exposure(self.effects.ambient, time_s=time_s, exposure_ms=exposure_ms)
-        light = self._project(moment, image) * np.float32(max(white, 0.0))
-        light += moment.ambient * np.float32(ambient)
-        return self._chip.read(light, rng)
+        shown = self._project_primaries(moment, image)
+        return self._read(
+            shown * np.float32(max(white, 0.0)), moment.ambient * np.float32(ambient), rng
+        )
 
     def truth(self, time_s: float = 0.0) -> Truth:
         """Where each camera pixel looks and which projector pixel lights it, at a time."""
@@ -120,6 +122,26 @@ class Stage:
 
     def _find_truth(self, time_s: float) -> Truth:
         return find_truth(Caster(self._scene_at(time_s)), self.camera, self.projector)
+
+    def _project_primaries(self, moment: _Moment, image: Frames) -> Floats:
+        """``(1, H, W)`` of a grey image or for a grey camera, else ``(3, H, W)``: as `_project`."""
+        if image.ndim == 2:
+            return self._project(moment, image)[None]
+        if not self.effects.camera.colour_response:
+            grey: Frames = np.round(image.mean(axis=-1)).astype(image.dtype)
+            return self._project(moment, grey)[None]
+        return np.stack([self._project(moment, image[..., c]) for c in range(3)])
+
+    def _read(self, shown: Floats, ambient: Floats, rng: np.random.Generator) -> Frames:
+        """Grey levels of the projector's light ``(1 or 3, H, W)`` and the ambient ``(H, W)``."""
+        response = np.array(self.effects.camera.colour_response, np.float32)
+        if not response.size:
+            return self._chip.read(shown[0] + ambient, rng)
+        lights = np.broadcast_to(shown, (3, *ambient.shape)) + ambient
+        channels = np.tensordot(response, lights, axes=1)
+        seen: list[Any] = [self._chip.read(channel, rng) for channel in channels]
+        frame: Frames = np.stack(seen, axis=-1)
+        return frame
 
     def _project(self, moment: _Moment, image: Frames) -> Floats:
         """What the camera's lens makes of a shown image ``(H, W)``, white being about one."""
