@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from pathlib import Path
@@ -111,9 +112,19 @@ class TestOptions:
             GrayCode("x", 3, 100.0, complementary=True),
         ]
 
+    def test_any_two_colours_say_where_they_are(self) -> None:
+        (frame,) = (
+            p for p in patterns("paper", code="colour", axes=("x",)) if isinstance(p, Colour)
+        )
+        colours = frame.palette
+        assert (frame.axis, frame.period_px, len(colours)) == ("x", 32.0, 20)  # orders 0 to 19
+        assert len(set(itertools.pairwise(colours))) == 19
+        assert set(colours) <= {"red", "green", "blue", "cyan", "magenta", "yellow"}
+
     def test_codes(self) -> None:
         assert GrayCode("x", 5, 32.0) in patterns("paper", code="gray")
         assert not any(isinstance(p, GrayCode) for p in patterns("paper", code="none"))
+        assert Staircase("x", 32.0, 20, equal_shifts(3)) in patterns("paper", code="staircase")
         assert GrayCode("x", 6, 16.0, True, True) in patterns("measure", inverted=True)
         assert not any(isinstance(p, Codeword) for p in patterns("paper", codewords_px=()))
         assert Codeword("x", 16.0, (3.0, 5.0)) in patterns("measure", codewords_px=(3.0, 5.0))
@@ -141,7 +152,10 @@ REFUSED_OPTIONS: list[tuple[dict[str, Any], str]] = [
     ({"axes": ("z",)}, "axes must be x, y or both, each once, got ('z',)"),
     ({"steps": 2}, "steps must be 3 to 64, got 2"),
     ({"steps": 1000}, "steps must be 3 to 64, got 1000"),
-    ({"code": "binary"}, "code must be one of none, gray, complementary, got binary"),
+    (
+        {"code": "binary"},
+        "code must be one of none, gray, complementary, staircase, colour, got binary",
+    ),
     (
         {"periods_px": (1.5,)},
         "periods_px must be different periods of at least 2 px, one or more, got (1.5,)",

@@ -18,24 +18,28 @@ from fringeworks.model import (
     AXES,
     Axis,
     Checkerboard,
-    Codeword,
+    Colour,
     Fringe,
     GrayCode,
     Pattern,
     PatternSet,
     Sequence,
+    Staircase,
     Uniform,
     gray_bits,
 )
+from fringeworks.model.sequence import fringe_orders
 from fringeworks.patterns.checks import (
     SHORTEST_PERIOD_PX,
     check_projector,
     check_sequence,
     require,
 )
+from fringeworks.patterns.codewords import Codewords, make_code_frame
+from fringeworks.patterns.unique import unique_sequence
 
 Preset: TypeAlias = Literal["paper", "calibrate", "measure", "multi-frequency", "paper-calibrate"]
-Code: TypeAlias = Literal["none", "gray", "complementary"]
+Code: TypeAlias = Literal["none", "gray", "complementary", "staircase", "colour"]
 
 STEPS_RANGE = (3, 64)
 
@@ -53,7 +57,11 @@ than it gains in phase."""
 SQUARES_ACROSS = 30
 """Projected squares along the image's shorter side: 40 by 20 camera px each on the paper's rig."""
 
-PAPER_CODEWORDS_PX = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
+STAIR_STEPS = 3
+"""Frames of a staircase (Wang and Zhang 2012)."""
+
+PALETTE = ("red", "green", "blue", "cyan", "magenta", "yellow")
+"""Colours of `Colour` codes: all with a hue that a projector mixes from full primaries."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +75,14 @@ class Recipe:
     periods_px
         Periods, projector px, one fringe set each; empty: `frequency_ladder` of the axis.
     code
-        Gray code of the fringe orders; its cells are the coarsest period.
+        What tells the orders of the coarsest fringes: a Gray code, plain or complementary, whose
+        cells are their period; a staircase; or one frame of colours, in which as few neighbours as
+        can be tell where they are (`unique_sequence`).
     inverted
         Whether the inverse of each bit is shown too: the safest threshold on dark surfaces.
     codewords_px
-        Codewords of a code frame along the first axis; empty: no code frame.
+        Codewords of a code frame along the first axis, or the name of a set (`codewords`); empty:
+        no code frame.
     squares_across
         Squares of a projected checkerboard along the shorter side of the image; 0: none.
     """
@@ -80,13 +91,13 @@ class Recipe:
     periods_px: tuple[float, ...] = ()
     code: Code = "complementary"
     inverted: bool = False
-    codewords_px: tuple[float, ...] = ()
+    codewords_px: Codewords = ()
     squares_across: int = 0
 
 
 PRESETS: MappingProxyType[Preset, Recipe] = MappingProxyType(
     {
-        "paper": Recipe(steps=3, periods_px=(32.0,), codewords_px=PAPER_CODEWORDS_PX),
+        "paper": Recipe(steps=3, periods_px=(32.0,), codewords_px="paper"),
         "calibrate": Recipe(steps=8, periods_px=(32.0,), inverted=True),
         "measure": Recipe(steps=8, periods_px=(16.0,)),
         "multi-frequency": Recipe(steps=4, code="none"),
@@ -105,7 +116,7 @@ def make_sequence(
     periods_px: tuple[float, ...] | None = None,
     code: Code | None = None,
     inverted: bool | None = None,
-    codewords_px: tuple[float, ...] | None = None,
+    codewords_px: Codewords | None = None,
 ) -> Sequence:
     """Describe what a projector shows: fringes and code per axis, other frames, white, black.
 
@@ -119,13 +130,13 @@ def make_sequence(
         Axes to code; a code frame belongs to the first.
     steps, periods_px, code, inverted, codewords_px
         In place of the recipe's own (see `Recipe`); None keeps it. ``code="none"`` leaves the
-        Gray code out, ``codewords_px=()`` the code frame.
+        code out, ``codewords_px=()`` the code frame.
 
     Returns
     -------
     Sequence
         Along each axis the fringes from coarse to fine, then their code. An axis on one fringe
-        alone (its coarsest period at least 1.05 times its extent) gets no Gray code.
+        alone (its coarsest period at least 1.05 times its extent) gets no code.
 
     Raises
     ------
@@ -182,20 +193,32 @@ def frequency_ladder(extent: int) -> tuple[float, ...]:
 
 
 def _axis_patterns(recipe: Recipe, axis: Axis, extent: int) -> list[Pattern]:
-    """Fringes of one axis, coarse to fine, and the Gray code of the coarsest's orders."""
+    """Fringes of one axis, coarse to fine, and the code of the coarsest's orders."""
     periods = _periods(recipe, extent)
     shifts = equal_shifts(recipe.steps)
     patterns: list[Pattern] = [Fringe(axis, period, shifts) for period in periods]
     if recipe.code != "none" and periods[0] < COARSEST_SHARE * extent:
-        code = GrayCode(
-            axis,
-            bits=gray_bits(extent, periods[0]),
-            cell_px=periods[0],
-            inverted=recipe.inverted,
-            complementary=recipe.code == "complementary",
-        )
-        patterns.append(code)
+        patterns.append(_code(recipe, axis, extent, periods[0]))
     return patterns
+
+
+def _code(recipe: Recipe, axis: Axis, extent: int, period_px: float) -> Pattern:
+    """What tells the orders of fringes of this period."""
+    count = len(fringe_orders(extent, period_px))
+    match recipe.code:
+        case "staircase":
+            return Staircase(axis, period_px, count, equal_shifts(STAIR_STEPS))
+        case "colour":
+            letters = unique_sequence(len(PALETTE), count)
+            return Colour(axis, period_px, tuple(PALETTE[letter] for letter in letters))
+        case _:
+            return GrayCode(
+                axis,
+                bits=gray_bits(extent, period_px),
+                cell_px=period_px,
+                inverted=recipe.inverted,
+                complementary=recipe.code == "complementary",
+            )
 
 
 def _periods(recipe: Recipe, extent: int) -> tuple[float, ...]:
@@ -207,7 +230,7 @@ def _code_frame(recipe: Recipe, axis: Axis, extent: int) -> list[Pattern]:
     """The code frame of the coarsest fringes' orders, if the recipe has codewords."""
     if not recipe.codewords_px:
         return []
-    return [Codeword(axis, _periods(recipe, extent)[0], recipe.codewords_px)]
+    return [make_code_frame(recipe.codewords_px, axis, _periods(recipe, extent)[0], extent)]
 
 
 def _projected_board(recipe: Recipe, shorter_side: int) -> list[Pattern]:
