@@ -95,3 +95,20 @@ def unwrap(
             coordinate[i, j] = at
             order[i, j] = -1 if math.isnan(at) else int(k)
             margin[i, j] = 1 - abs(reference - at) / (period_px / 2)
+
+
+@kernel
+def place(
+    phase: Floats,
+    order: NDArray[np.int32],
+    margin: Floats,
+    period_px: float,
+    zero_px: float,
+    coordinate: Floats,
+) -> None:
+    """Coordinate, px, of absolute phases ``(H, W)``; NaN where the margin is."""
+    height, width = phase.shape
+    for i in range(height):
+        for j in range(width):
+            at = zero_px + period_px * (phase[i, j] / TWO_PI + order[i, j])
+            coordinate[i, j] = at if margin[i, j] == margin[i, j] else math.nan

@@ -1,21 +1,19 @@
 """From a capture to projector coordinates: demodulate every set, then order the finest.
 
-Each axis is decoded by itself: its Gray code, if it has one, places a pixel within a cell; the
-chain of `temporal` goes on from there to the finest period, from which the coordinate is taken.
-A Gray code alone gives the centre of its cell.
+Each axis is decoded by itself: a method (`methods`) tells the orders of its finest fringes, from
+which the coordinate is taken. A Gray code alone gives the centre of its cell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fringeworks.errors import DecodeError
+from fringeworks.kernels.orders import place
 from fringeworks.model import (
     AXES,
-    AbsolutePhase,
     Axis,
     Capture,
     CodedAxis,
@@ -29,18 +27,21 @@ from fringeworks.model import (
 from fringeworks.model.phase import VOID_ORDER
 from fringeworks.phase.demodulate import MaskRules, demodulate
 from fringeworks.phase.gray import GrayReading, read_gray
-from fringeworks.phase.temporal import plan_chain, run_chain
+from fringeworks.phase.methods import (
+    METHODS,
+    READS,
+    WITHOUT_WINDOW,
+    OrdersName,
+    check_orders,
+    choose_method,
+)
+from fringeworks.phase.orders import AxisFrames, Ordered
+from fringeworks.phase.window import Volume, coordinate_window
 
 OUTSIDE_SIGMAS = 5.0
 """A coordinate outside the projector's image by more than this many sigma is void."""
 
 NOTHING_CODED = "The capture has neither fringes nor a Gray code"
-
-SAFE_MARGIN = 0.1
-SAFE_SIGMAS = 5.0
-"""Under a Gray code noise decides the order where a doubtful bit leaves less margin than the
-former, or where less is left than this many sigma of the phase. Only plain codes whose cells are
-as wide as the fringes bring pixels there, at the edges of their cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,15 +73,27 @@ class Decoding:
         by_name = {axis.axis: axis for axis in self.coded if axis.valid_share}
         if not by_name:
             voids = "; ".join(f"{axis.axis}: {describe_voids(axis.void)}" for axis in self.coded)
-            raise DecodeError(
-                f"no pixel is valid along any axis ({voids}). Look at the frames' exposure, and "
-                "at the order of the images in capture.toml"
-            )
+            raise DecodeError(f"no pixel is valid along any axis ({voids}). {self._advice()}")
         return ProjectorMap(by_name.get("x"), by_name.get("y"))
+
+    def _advice(self) -> str:
+        """What to look at where no pixel is valid."""
+        if any((axis.void == Void.ORDER).any() for axis in self.coded):
+            return (
+                "Fringes are seen, but not which they are: look at the order of the images in "
+                "capture.toml, and at the depth range if one is given or asked for (--rig, "
+                "--z-range), or choose another method (--orders)"
+            )
+        return "Look at the frames' exposure, and at the order of the images in capture.toml"
 
 
 def decode_capture(
-    capture: Capture, *, group: str | None = None, rules: MaskRules | None = None
+    capture: Capture,
+    *,
+    group: str | None = None,
+    rules: MaskRules | None = None,
+    orders: OrdersName = "auto",
+    volume: Volume | None = None,
 ) -> ProjectorMap:
     """Projector coordinates of a capture; see `decode_phases`, which it calls.
 
@@ -89,11 +102,17 @@ def decode_capture(
     DecodeError
         No axis of the capture can be decoded, or no pixel is valid.
     """
-    return decode_phases(capture, group=group, rules=rules).projector_map()
+    decoding = decode_phases(capture, group=group, rules=rules, orders=orders, volume=volume)
+    return decoding.projector_map()
 
 
 def decode_phases(
-    capture: Capture, *, group: str | None = None, rules: MaskRules | None = None
+    capture: Capture,
+    *,
+    group: str | None = None,
+    rules: MaskRules | None = None,
+    orders: OrdersName = "auto",
+    volume: Volume | None = None,
 ) -> Decoding:
     """Decode each axis that the capture's group codes.
 
@@ -105,34 +124,71 @@ def decode_phases(
         Which alternative to decode, where the capture has several; the first by default.
     rules
         What makes a pixel void.
+    orders
+        The method that tells fringe orders.
+    volume
+        Where objects can be, for methods that ask.
 
     Raises
     ------
     DecodeError
-        One set of fringes stands in the group with several exposures.
+        One set of fringes stands in the group with several exposures; frames that a method reads
+        besides fringes cannot be read; or no axis has what the method asked for reads.
     FormatError
         A Gray code has nothing to tell light from dark by.
+    UsageError
+        There is no such method.
     """
+    check_orders(orders)
     chosen, rules = capture.select(group), rules or MaskRules()
     phases = {axis: _demodulate_axis(chosen, axis, rules) for axis in AXES}
     coded: list[CodedAxis] = []
     relative: list[tuple[WrappedPhase, str]] = []
     for axis in AXES:
-        here, any_axis = phases[axis], [item for items in phases.values() for item in items]
-        reading = read_gray(
-            chosen,
-            axis,
-            fringes=next(iter(here or any_axis), None),
-            least_modulation=rules.modulation_share * chosen.sensor.full_scale,
-        )
-        try:
-            if here:
-                coded.append(_axis_from_fringes(chosen.sequence.extent(axis), reading, here))
-            elif reading is not None:
-                coded.append(_axis_from_gray(chosen, reading, rules))
-        except DecodeError as error:
-            relative.append((_finest(here), str(error)))
+        if not phases[axis]:
+            elsewhere = next((item for items in phases.values() for item in items), None)
+            reading = _read_gray_alone(chosen, axis, elsewhere, rules)
+            coded += [] if reading is None else [_axis_from_gray(chosen, reading, rules)]
+            continue
+        frames = AxisFrames(chosen, axis, tuple(phases[axis]))
+        told = _tell_orders(frames, orders, volume)
+        if isinstance(told, str):
+            relative.append((frames.finest, told))
+        else:
+            coded.append(_axis_from_fringes(frames, told))
+    if orders != "auto" and relative and not coded:
+        raise DecodeError("; ".join(why for _, why in relative))
     return Decoding(tuple(coded), tuple(relative))
+
+
+def _tell_orders(frames: AxisFrames, orders: OrdersName, volume: Volume | None) -> Ordered | str:
+    """Orders of an axis, or why nothing tells them.
+
+    Raises
+    ------
+    DecodeError
+        The method has frames of its own, and they cannot be read.
+    """
+    try:
+        name = choose_method(orders, frames)
+    except DecodeError as error:
+        return str(error)
+    if volume is not None and name not in WITHOUT_WINDOW:
+        window = coordinate_window(volume, frames.axis, frames.capture.shape)
+        frames = replace(frames, window=window)
+    try:
+        return METHODS[name](frames)
+    except DecodeError as error:
+        if name in READS and name != "gray":
+            raise
+        return str(error)
+
+
+def _read_gray_alone(
+    capture: Capture, axis: Axis, fringes: WrappedPhase | None, rules: MaskRules
+) -> GrayReading | None:
+    least = rules.modulation_share * capture.sensor.full_scale
+    return read_gray(capture, axis, fringes=fringes, least_modulation=least)
 
 
 def _demodulate_axis(capture: Capture, axis: Axis, rules: MaskRules) -> list[WrappedPhase]:
@@ -147,10 +203,6 @@ def _demodulate_axis(capture: Capture, axis: Axis, rules: MaskRules) -> list[Wra
             )
         phases.append(demodulate(frames, fringe, capture.sensor, repeats=repeats, rules=rules))
     return phases
-
-
-def _finest(phases: Sequence[WrappedPhase]) -> WrappedPhase:
-    return min(phases, key=lambda wrapped: wrapped.fringe.period_px)
 
 
 def _axis_from_gray(capture: Capture, reading: GrayReading, rules: MaskRules) -> CodedAxis:
@@ -176,42 +228,30 @@ def _axis_from_gray(capture: Capture, reading: GrayReading, rules: MaskRules) ->
     )
 
 
-def _axis_from_fringes(
-    extent: int, reading: GrayReading | None, phases: Sequence[WrappedPhase]
-) -> CodedAxis:
-    """The coordinate of the finest fringes, along the chain that `plan_chain` finds.
-
-    It starts from the Gray code, or else from the centre of the projector's image for all pixels.
-    """
-    centre = (extent - 1) / 2
-    reference, reach, route = np.full((1, 1), centre, np.float32), extent / 2, list[str]()
-    if reading is not None:
-        reference, reach = reading.coordinate, reading.code.code_px / 2
-        route = [_name_of(reading.code)]
-    chain = plan_chain([wrapped.fringe for wrapped in phases], reach)
-    coordinate, order, margin = run_chain(phases, chain, reference)
-    finest = _finest(phases)
-    sigma = finest.sigma * np.float32(finest.fringe.period_px / (2 * np.pi))
-    beyond = np.abs(coordinate - centre) - extent / 2
-    void = np.full(sigma.shape, Void.ORDER, np.uint8)
-    void[beyond <= OUTSIDE_SIGMAS * sigma] = Void.VALID
-    if reading is not None:
-        void[reading.at_edge & (margin < SAFE_MARGIN)] = Void.ORDER
-        void[margin * np.float32(np.pi) < SAFE_SIGMAS * finest.sigma] = Void.ORDER
-    for n, wrapped in enumerate(phases):
-        if any(carrier.weights[n] for carrier in chain):
-            np.copyto(void, wrapped.void, where=wrapped.void != Void.VALID)
-    bad = void != Void.VALID
+def _axis_from_fringes(frames: AxisFrames, ordered: Ordered) -> CodedAxis:
+    """The coordinate of the finest fringes."""
+    phase, extent = ordered.phase, frames.capture.sequence.extent(frames.axis)
+    finest, order, margin = phase.wrapped, phase.order, phase.margin
+    coordinate = np.empty_like(finest.phase)
+    period_px, zero_px = finest.fringe.period_px, finest.fringe.zero_px
+    place(finest.phase, order, margin, period_px, zero_px, coordinate)
+    sigma = finest.sigma * np.float32(period_px / (2 * np.pi))
+    beyond = np.abs(coordinate - (extent - 1) / 2) - extent / 2
+    good = beyond <= OUTSIDE_SIGMAS * sigma
+    void = np.where(good, Void.VALID, Void.ORDER).astype(np.uint8)
+    for wrapped in frames.phases:
+        np.copyto(void, wrapped.void, where=~good & (wrapped.void != Void.VALID))
+    bad = ~good
     coordinate[bad], sigma[bad], margin[bad], order[bad] = np.nan, np.nan, np.nan, VOID_ORDER
     return CodedAxis(
-        axis=finest.fringe.axis,
+        axis=frames.axis,
         coordinate=coordinate,
         sigma=sigma,
         offset=finest.offset,
         modulation=finest.modulation,
-        phase=AbsolutePhase(finest, order, margin),
+        phase=phase,
         void=void,
-        route=(*route, *map(str, chain)),
+        route=ordered.route,
     )
 
 
