@@ -87,10 +87,10 @@ def _ours(course: Course) -> list[Metric]:
     whole = race(course.read, course.demodulate, seconds=course.seconds)
     pace = f"{course.map.size / 1e6 / np.median(limit.theirs):.0f} Mpx/s"
     return [
-        _time(f"{course.name}.wrap_ms", limit.theirs, pace),
-        _time(f"{course.name}.wrap_anew_ms", anew.theirs, "the same into fresh memory"),
-        _time(f"{course.name}.demodulate_ms", whole.theirs, "with masks, noise and sigma"),
-        _ratio(
+        time_metric(f"{course.name}.wrap_ms", limit.theirs, pace),
+        time_metric(f"{course.name}.wrap_anew_ms", anew.theirs, "the same into fresh memory"),
+        time_metric(f"{course.name}.demodulate_ms", whole.theirs, "with masks, noise and sigma"),
+        ratio_metric(
             f"{course.name}.wrap_vs_memory",
             limit,
             "lower",
@@ -113,7 +113,7 @@ def _beside(course: Course, peer: Peer) -> list[Metric]:
     same = f"phases {apart:.1g} rad rms apart"
     bars = {"wrap": f"bar >= {peer.bar:g}" if peer.bar else ""}
     return [
-        _ratio(
+        ratio_metric(
             keys[name],
             race(run, work, seconds=course.seconds),
             "higher",
@@ -129,13 +129,15 @@ def phase_difference(first: Phase, second: Phase) -> float:
     return float(np.sqrt(np.mean(np.square(difference))))
 
 
-def _ratio(key: str, result: Race, direction: Direction, *notes: str) -> Metric:
+def ratio_metric(key: str, result: Race, direction: Direction, *notes: str) -> Metric:
+    """Theirs / ours, with both times in the note."""
     theirs = f"{1e3 * float(np.median(result.theirs)):.3g} ms"
     ours = f"{1e3 * float(np.median(result.ours)):.3g} ms"
     spread = f"{theirs} against {ours}, best times {result.best_ratio:.3g}"
     return Metric(key, result.ratio, "x", direction, "; ".join(n for n in (*notes, spread) if n))
 
 
-def _time(key: str, seconds: Times, note: str) -> Metric:
+def time_metric(key: str, seconds: Times, note: str) -> Metric:
+    """The median in milliseconds, with the best in the note."""
     best = f"best {1e3 * float(seconds.min()):.3g}"
     return Metric(key, 1e3 * float(np.median(seconds)), "ms", "lower", f"{best}; {note}")

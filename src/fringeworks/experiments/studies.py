@@ -7,9 +7,12 @@ from types import MappingProxyType
 
 from fringeworks.errors import UsageError
 from fringeworks.experiments.calibrations import study_calibrations
+from fringeworks.experiments.orders import study_orders
 from fringeworks.experiments.study import StudyMaker
 
-STUDIES: Mapping[str, StudyMaker] = MappingProxyType({"calibration": study_calibrations})
+STUDIES: Mapping[str, StudyMaker] = MappingProxyType(
+    {"calibration": study_calibrations, "orders": study_orders}
+)
 
 
 def named_study(name: str) -> StudyMaker:
