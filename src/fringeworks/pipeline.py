@@ -22,6 +22,8 @@ from fringeworks.measure.region import Region, select_points
 from fringeworks.model import Capture, Cloud, ProjectorMap, Rig, Target
 from fringeworks.phase.decode import decode_capture
 from fringeworks.phase.demodulate import MaskRules
+from fringeworks.phase.methods import OrdersName
+from fringeworks.phase.window import volume_of
 from fringeworks.reconstruct.full import CloudRules, triangulate
 
 
@@ -30,12 +32,14 @@ def scan(
     rig: Rig,
     *,
     group: str | None = None,
+    orders: OrdersName = "auto",
     mask_rules: MaskRules | None = None,
     cloud_rules: CloudRules | None = None,
 ) -> Cloud:
     """Capture to cloud, in the camera's frame, with the full model."""
     capture = capture.select(group)
-    projector_map = decode_capture(capture, rules=mask_rules)
+    volume = volume_of(rig, cloud_rules.z_range_mm if cloud_rules else None)
+    projector_map = decode_capture(capture, rules=mask_rules, orders=orders, volume=volume)
     return cloud_of(capture, projector_map, rig, rules=cloud_rules)
 
 

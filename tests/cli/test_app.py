@@ -116,8 +116,6 @@ def test_a_bug_shows_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     "arguments",
     [
         ["calibrate", "c", "--board", "b", "--out", "r", "--extended", "map"],
-        ["decode", "c", "--out", "p.npz", "--rig", "rig.json"],
-        ["decode", "c", "--out", "p.npz", "--z-range", "1:2"],
         ["decode", "c", "--out", "p.npz", "--response", "r.json"],
         ["scan", "c", "--rig", "r", "--out", "c.npz", "--model", "extended"],
         ["scan", "c", "--rig", "r", "--out", "c.npz", "--exact"],

@@ -90,3 +90,26 @@ ZRangeOption = Annotated[
         help="Depths to keep, mm, camera frame [default: the rig's volume, 10 % wider].",
     ),
 ]
+
+Orders = Literal[
+    "auto",
+    "gray",
+    "frequencies",
+    "number-theoretical",
+    "staircase",
+    "colour",
+    "code-frame",
+    "paper-code",
+    "code-correlation",
+    "depth-window",
+    "objects",
+]
+
+OrdersOption = Annotated[
+    Orders,
+    typer.Option(
+        "--orders",
+        help="What tells the fringe orders; auto takes what the capture holds: a Gray code, else "
+        "fringes of several periods, else a staircase, a code frame, colours.",
+    ),
+]

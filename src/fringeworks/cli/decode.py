@@ -7,7 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
-from fringeworks.cli.arguments import GroupOption, refuse_planned
+from fringeworks.cli.arguments import (
+    GroupOption,
+    OrdersOption,
+    parse_ranges,
+    refuse_planned,
+)
 from fringeworks.cli.output import JsonFlag, Output, percent
 from fringeworks.errors import UsageError
 
@@ -29,9 +34,21 @@ def decode(
             "hold in any case.",
         ),
     ] = None,
+    orders: OrdersOption = "auto",
+    rig: Annotated[
+        Path | None,
+        typer.Option("--rig", help="rig.json: with it, a code that repeats can be told apart."),
+    ] = None,
+    z_range: Annotated[
+        str | None,
+        typer.Option(
+            "--z-range",
+            metavar="MIN:MAX",
+            help="Depths at which objects can be, mm, camera frame [default: the rig's volume, "
+            "10 % wider].",
+        ),
+    ] = None,
     as_json: JsonFlag = False,
-    rig: Annotated[str | None, typer.Option(hidden=True, callback=refuse_planned)] = None,
-    z_range: Annotated[str | None, typer.Option(hidden=True, callback=refuse_planned)] = None,
     response: Annotated[str | None, typer.Option(hidden=True, callback=refuse_planned)] = None,
 ) -> None:
     """Decode a capture: modulation, wrapped and absolute phase, projector coordinate, sigma.
@@ -41,28 +58,37 @@ def decode(
     """
     if min_modulation is not None and not min_modulation >= 0:
         raise UsageError(f"--min-modulation must be 0 or more grey levels, got {min_modulation:g}")
+    if z_range is not None and rig is None:
+        raise UsageError("--z-range needs --rig rig.json: depths are those in front of its camera")
     output = Output(as_json=as_json)
-    from fringeworks.files import read_capture, write_phase
+    from fringeworks.files import read_capture, read_rig, write_phase
     from fringeworks.phase.decode import decode_phases
     from fringeworks.phase.demodulate import MaskRules
+    from fringeworks.phase.window import Volume, volume_of
     from fringeworks.report.summary import summarise_decoding
 
+    depths = None
+    if z_range is not None:
+        (depths,) = parse_ranges(z_range, option="--z-range", form="MIN:MAX")
     with output.working() as progress:
+        volume: Volume | None = None if rig is None else volume_of(read_rig(rig), depths)
         read = read_capture(capture, group=group, progress=progress)
         output.findings(read.name, read.findings)
         rules = MaskRules()
         if min_modulation is not None:
             rules = MaskRules(modulation_share=min_modulation / read.sensor.full_scale)
-        decoding = decode_phases(read, rules=rules)
+        decoding = decode_phases(read, rules=rules, orders=orders, volume=volume)
         axes = summarise_decoding(decoding)
         if not any(axis["valid_share"] for axis in axes.values()):
             decoding.projector_map()  # says why nothing can be decoded
         write_phase(out, decoding)
         drawn: list[Path] = []
         if figures is not None:
+            from fringeworks.report.code_frame import save_fringes_read
             from fringeworks.report.decoding import save_decoding
 
             drawn = save_decoding(decoding, figures)
+            drawn += save_fringes_read(read, decoding, figures, orders=orders, volume=volume)
 
     height, width = read.shape
     output.line(f"{read.name}: {width}x{height} px, {len(read.sequence.sets)} sets")

@@ -120,7 +120,7 @@ def refuse_occupied(folder: Path, *, overwrite: bool) -> None:
 
 def _describe(item: PatternSet) -> str:
     """A set in words."""
-    from fringeworks.model import Codeword, Fringe, GrayCode, Uniform
+    from fringeworks.model import Codeword, Colour, Fringe, GrayCode, Staircase, Uniform
 
     match item.pattern:
         case Fringe(axis=axis, period_px=period):
@@ -130,6 +130,10 @@ def _describe(item: PatternSet) -> str:
             return f"Gray code along {axis}, cells of {cell:g} px{extras}"
         case Codeword(axis=axis, codewords_px=codewords):
             return f"code frame along {axis}, {len(codewords)} codewords"
+        case Staircase(axis=axis, levels=levels):
+            return f"staircase along {axis}, {levels} levels"
+        case Colour(axis=axis, palette=palette):
+            return f"colours along {axis}, {len(palette)} fringes"
         case Uniform(level=level):
             return {0.0: "black", 1.0: "white"}.get(level, f"grey, level {level:g}")
         case other:

@@ -10,6 +10,7 @@ import typer
 from fringeworks.cli.arguments import (
     Axis,
     GroupOption,
+    OrdersOption,
     ZRangeOption,
     parse_ranges,
     refuse_planned,
@@ -30,6 +31,7 @@ def scan(
         typer.Option("--axis", help="Use this axis alone [default: all that are coded]."),
     ] = None,
     z_range: ZRangeOption = None,
+    orders: OrdersOption = "auto",
     group: GroupOption = None,
     figures: Annotated[
         Path | None,
@@ -54,6 +56,7 @@ def scan(
     output = Output(as_json=as_json)
     from fringeworks.files import read_capture, read_rig, write_cloud
     from fringeworks.phase.decode import decode_phases
+    from fringeworks.phase.window import volume_of
     from fringeworks.pipeline import cloud_of
     from fringeworks.reconstruct.full import CloudRules
     from fringeworks.report.summary import summarise_cloud
@@ -62,7 +65,7 @@ def scan(
         calibrated = read_rig(rig)
         read = read_capture(capture, group=group, progress=progress)
         output.findings(read.name, read.findings)
-        decoding = decode_phases(read)
+        decoding = decode_phases(read, orders=orders, volume=volume_of(calibrated, depths))
         rules = CloudRules(axis=axis, z_range_mm=depths)
         cloud = cloud_of(read, decoding.projector_map(), calibrated, rules=rules)
         output.findings(read.name, cloud.findings)

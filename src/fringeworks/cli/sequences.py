@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from fringeworks.cli.arguments import parse_numbers
+from fringeworks.errors import UsageError
 
 if TYPE_CHECKING:
     from fringeworks.model import Sequence
+    from fringeworks.patterns.codewords import Codewords, CodewordsName
 
 Preset = Literal["paper", "calibrate", "measure", "multi-frequency", "paper-calibrate"]
-Code = Literal["none", "gray", "complementary"]
+Code = Literal["none", "gray", "complementary", "staircase", "colour"]
 Axes = Literal["x", "y", "xy"]
 
 PresetArgument = Annotated[
@@ -30,14 +32,19 @@ StepsOption = Annotated[
 PeriodsOption = Annotated[
     str | None, typer.Option("--periods", metavar="PX,PX", help="Fringe periods, projector px.")
 ]
-CodeOption = Annotated[Code | None, typer.Option("--code", help="Gray code of the fringe orders.")]
+CodeOption = Annotated[Code | None, typer.Option("--code", help="What tells the fringe orders.")]
 InvertedOption = Annotated[
     bool | None,
     typer.Option("--inverted/--no-inverted", help="Show the inverse of each Gray bit too."),
 ]
 CodewordsOption = Annotated[
     str | None,
-    typer.Option("--codewords", metavar="PX,PX", help="Codewords of a code frame, px, or none."),
+    typer.Option(
+        "--codewords",
+        metavar="NAME",
+        help="Codewords of a code frame: paper, robust (survive defocus), de-bruijn (need no depth "
+        "range either), periods as 2,3,4 px, or none.",
+    ),
 ]
 
 
@@ -71,5 +78,19 @@ def sequence_of(
         periods_px=None if periods is None else parse_numbers(periods, option="--periods"),
         code=code,
         inverted=inverted,
-        codewords_px=None if codewords is None else parse_numbers(codewords, option="--codewords"),
+        codewords_px=None if codewords is None else _parse_codewords(codewords),
     )
+
+
+def _parse_codewords(text: str) -> Codewords:
+    names: tuple[CodewordsName, ...] = ("paper", "robust", "de-bruijn")
+    for name in names:
+        if text == name:
+            return name
+    try:
+        return parse_numbers(text, option="--codewords")
+    except UsageError:
+        raise UsageError(
+            "--codewords must be paper, robust, de-bruijn, none, or periods in px with commas "
+            f"between them, got '{text}'"
+        ) from None
