@@ -158,4 +158,7 @@ def _why_not_found(grey: NDArray[np.uint8], board: CheckerboardTarget) -> str:
     hint = ""
     if sorted((columns + 1, rows + 1)) == sorted((board.columns, board.rows)):
         hint = " Squares were counted instead of inner corners."
-    return f"{asked}, but one of {columns} x {rows} was: correct board.toml.{hint}"
+    return (
+        f"{asked}, but one of {columns} x {rows} (or a little more) was: count again, and correct "
+        f"board.toml.{hint}"
+    )
