@@ -23,7 +23,8 @@ def test_calibrate_then_scan_then_measure(half: Path, tmp_path: Path) -> None:
     done = run("calibrate", half, "--board", half / "board.toml", "--out", rig)
     assert done.exit_code == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert [line.split()[0] for line in lines[1:6]] == [*(f"capture_{i}" for i in range(4)), "all"]
+    assert lines[0] == "model: joint"
+    assert [line.split()[0] for line in lines[2:7]] == [*(f"capture_{i}" for i in range(4)), "all"]
     assert "does not fit the other corners" in done.stdout
     assert "focal lengths" in done.stdout
     assert run("scan", half / "capture_0", "--rig", rig, "--out", cloud).exit_code == 0
