@@ -84,6 +84,24 @@ def test_axes_and_zeros(y: float, x: float, expected: float) -> None:
     assert -PI < found[0] <= PI
 
 
+@pytest.mark.parametrize("finite", [0.0, 1.0, -1.0, 1e38])
+@pytest.mark.parametrize("infinite", [np.inf, -np.inf])
+def test_one_infinity_is_an_axis(finite: float, infinite: float) -> None:
+    y, x = np.array([finite, infinite], np.float32), np.array([infinite, finite], np.float32)
+    assert_close(angles(y, x), y, x)
+
+
+@pytest.mark.parametrize("other", [0.0, 1.0, -1.0, np.inf, -np.inf, np.nan])
+def test_nan_stays_nan(other: float) -> None:
+    y, x = np.array([np.nan, other], np.float32), np.array([other, np.nan], np.float32)
+    assert np.isnan(angles(y, x)).all()
+
+
+def test_two_infinities_have_no_direction() -> None:
+    both = np.array([np.inf, -np.inf, np.inf, -np.inf], np.float32)
+    assert np.isnan(angles(both, both[[0, 0, 1, 1]])).all()
+
+
 finite = st.floats(width=32, allow_nan=False, allow_infinity=False)
 
 

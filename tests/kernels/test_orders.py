@@ -45,7 +45,7 @@ def indexed(
     level = np.asarray(threshold)
     if level.ndim == 0:
         level = np.full((1, *shape), level, np.float32)
-    gray_index(bits, level, np.full(shape, doubt, np.float32), index, doubtful)
+    gray_index(bits.astype(np.uint16), level, np.full(shape, doubt, np.float32), index, doubtful)
     return index, doubtful
 
 

@@ -31,10 +31,13 @@ C15 = np.float32(-0.00405456048027273)
 def arctangent(y: np.float32, x: np.float32) -> np.float32:
     """Angle of the vector (x, y), rad, in (-pi, pi], single precision; 0 for the null vector.
 
-    Where the angle rounds to -pi it is given as pi, its other name. Zeros have no sign here.
+    Where the angle rounds to -pi it is given as pi, its other name. Zeros have no sign here. NaN
+    where either is, and where both are infinite: such a vector has no direction.
     """
     across, up = abs(x), abs(y)
-    t = min(across, up) / max(max(across, up), TINY)
+    less = across if across < up else up
+    most = up if up > across else across  # of the two, one is NaN where either argument is
+    t = less / (TINY if most < TINY else most)
     s = t * t
     angle = t * (C1 + s * (C3 + s * (C5 + s * (C7 + s * (C9 + s * (C11 + s * (C13 + s * C15)))))))
     angle = HALF_PI - angle if up > across else angle

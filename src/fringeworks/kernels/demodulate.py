@@ -1,8 +1,8 @@
 """Phase shifting: the least-squares sinusoid of each pixel.
 
 A frame is ``I_n = A + C cos d_n + S sin d_n`` with C = B cos Phi, S = B sin Phi (methods page,
-Demodulation). Rows are worked in buffers that stay in the first cache; the loops over a row
-vectorise. Pixels with saturated frames are solved one by one from the frames that are left.
+Demodulation). What is done to a pixel is in `tile`. Pixels with saturated frames are solved one by
+one from the frames that are left.
 """
 
 from __future__ import annotations
@@ -14,13 +14,30 @@ from numpy.typing import NDArray
 
 from fringeworks.kernels.arctangent import arctangent
 from fringeworks.kernels.compiled import kernel
+from fringeworks.kernels.tile import (
+    FIT_SLOTS,
+    MODULATION,
+    NAN,
+    OFFSET,
+    PHASE,
+    RESIDUAL,
+    SPREAD,
+    TILE,
+    Images,
+    Place,
+    angle_tile,
+    find_saturated,
+    noise_of,
+    residual_tile,
+    rule_of,
+    spread_of,
+    sum_tile,
+)
 
 Floats = NDArray[np.float32]
 
 ROOT_3 = np.float32(math.sqrt(3))
 TWO = np.float32(2)
-ZERO = np.float32(0)
-NAN = np.float32(math.nan)
 WELL_POSED = 1e-3
 """Smallest determinant of the normal matrix, per frame cubed, that is solved."""
 
@@ -34,49 +51,6 @@ def wrap_three_steps(frames: NDArray[np.generic], phase: Floats) -> None:
         for j in range(width):
             a, b, c = np.float32(first[j]), np.float32(second[j]), np.float32(third[j])
             out[j] = arctangent(ROOT_3 * (a - c), TWO * b - a - c)
-
-
-@kernel
-def _accumulate_row(
-    row: NDArray[np.generic], solve: Floats, saturation: float, sums: Floats
-) -> int:
-    """Sums A, C, S and the count of saturated frames (``sums``, (4, W)) of one image row."""
-    frames, width = row.shape
-    limit, one, zero = np.float32(saturation), np.float32(1), np.float32(0)
-    offset, cosine, sine, saturated = sums[0], sums[1], sums[2], sums[3]
-    sums[:] = zero
-    for n in range(frames):
-        to_offset, to_cosine, to_sine = solve[0, n], solve[1, n], solve[2, n]
-        image = row[n]
-        for j in range(width):
-            grey = np.float32(image[j])
-            offset[j] += to_offset * grey
-            cosine[j] += to_cosine * grey
-            sine[j] += to_sine * grey
-            saturated[j] += one if grey >= limit else zero
-    total = zero
-    for j in range(width):
-        total += saturated[j]
-    return int(total)
-
-
-@kernel
-def _residual_row(row: NDArray[np.generic], basis: Floats, sums: Floats, residual: Floats) -> None:
-    """Root mean square per degree of freedom of what the fit of one row leaves."""
-    frames, width = row.shape
-    residual[:] = np.float32(0) if frames > 3 else NAN
-    if frames <= 3:
-        return
-    offset, cosine, sine = sums[0], sums[1], sums[2]
-    for n in range(frames):
-        of_cosine, of_sine = basis[n, 1], basis[n, 2]
-        image = row[n]
-        for j in range(width):
-            left = np.float32(image[j]) - offset[j] - of_cosine * cosine[j] - of_sine * sine[j]
-            residual[j] += left * left
-    per_freedom = np.float32(1 / (frames - 3))
-    for j in range(width):
-        residual[j] = np.sqrt(residual[j] * per_freedom)
 
 
 @kernel
@@ -116,21 +90,46 @@ def _solve_unsaturated(
 
 
 @kernel
-def _spread(
-    c: np.float32, s: np.float32, cc: np.float32, cs: np.float32, ss: np.float32
-) -> np.float32:
-    """Standard deviation of the phase, rad, per grey level of noise, from covariance of C, S.
+def fit_tile(
+    frames: Images,
+    place: Place,
+    fit: tuple[Floats, Floats, Floats],
+    saturation: float,
+    s: Floats,
+    saturated: NDArray[np.uint8],
+) -> None:
+    """The sinusoid of every pixel of a tile into the slots of `s`.
 
-    NaN where C = S = 0: no modulation has no phase.
+    `fit` is basis, solve and covariance as `demodulate` takes them; `saturated` tells of which
+    pixels some frames are.
     """
-    square = c * c + s * s
-    across = cc * s * s - TWO * cs * s * c + ss * c * c
-    return np.float32(np.sqrt(max(across, ZERO)) / square)
+    basis, solve, covariance = fit
+    i, begin, n = place
+    sum_tile(frames, place, solve, s)
+    residual_tile(frames, place, basis, s)
+    angle_tile(n, covariance, s)
+    if find_saturated(frames, place, saturation, saturated):
+        for j in range(n):
+            if saturated[j] > 0:
+                _fit_the_rest(frames[:, i, begin + j], basis, saturation, s[j:])
+
+
+@kernel
+def _fit_the_rest(grey: NDArray[np.generic], basis: Floats, saturation: float, s: Floats) -> None:
+    """The pixel at the start of `s` from its frames below saturation; NaN where they are few."""
+    fit = np.empty(7)
+    if len(grey) == 3 or not _solve_unsaturated(grey, basis, saturation, fit):
+        s[PHASE] = NAN
+        return
+    c, up = np.float32(fit[1]), np.float32(fit[2])
+    s[PHASE], s[OFFSET], s[RESIDUAL] = arctangent(up, c), fit[0], fit[3]
+    s[MODULATION] = math.hypot(fit[1], fit[2])
+    s[SPREAD] = spread_of(c, up, np.float32(fit[4]), np.float32(fit[5]), np.float32(fit[6]))
 
 
 @kernel
 def demodulate(
-    frames: NDArray[np.generic],
+    frames: Images,
     basis: Floats,
     solve: Floats,
     covariance: Floats,
@@ -148,37 +147,17 @@ def demodulate(
     fewer than three frames; `residual` is NaN where only three are used.
     """
     _, height, width = frames.shape
-    sums = np.empty((4, width), np.float32)
-    fit = np.empty(7)
-    cc, cs, ss = covariance[0], covariance[1], covariance[2]
+    s, saturated = np.empty(FIT_SLOTS * TILE, np.float32), np.empty(TILE, np.uint8)
     for i in range(height):
-        row = frames[:, i]
-        saturated = _accumulate_row(row, solve, saturation, sums)
-        _residual_row(row, basis, sums, residual[i])
-        for j in range(width):
-            c, s = sums[1, j], sums[2, j]
-            phase[i, j] = arctangent(s, c)
-            offset[i, j] = sums[0, j]
-            modulation[i, j] = np.sqrt(c * c + s * s)
-            spread[i, j] = _spread(c, s, cc, cs, ss)
-        if saturated == 0:
-            continue
-        for j in range(width):
-            if sums[3, j] == 0:
-                continue
-            if not _solve_unsaturated(row[:, j], basis, saturation, fit):
-                phase[i, j] = NAN
-                continue
-            phase[i, j] = arctangent(np.float32(fit[2]), np.float32(fit[1]))
-            offset[i, j], modulation[i, j] = fit[0], math.hypot(fit[1], fit[2])
-            residual[i, j] = fit[3]
-            spread[i, j] = _spread(
-                np.float32(fit[1]),
-                np.float32(fit[2]),
-                np.float32(fit[4]),
-                np.float32(fit[5]),
-                np.float32(fit[6]),
-            )
+        for begin in range(0, width, TILE):
+            n = min(TILE, width - begin)
+            end = begin + n
+            fit_tile(frames, (i, begin, n), (basis, solve, covariance), saturation, s, saturated)
+            phase[i, begin:end] = s[PHASE : PHASE + n]
+            offset[i, begin:end] = s[OFFSET : OFFSET + n]
+            modulation[i, begin:end] = s[MODULATION : MODULATION + n]
+            residual[i, begin:end] = s[RESIDUAL : RESIDUAL + n]
+            spread[i, begin:end] = s[SPREAD : SPREAD + n]
 
 
 @kernel
@@ -200,19 +179,15 @@ def apply_rules(
     `broken` are the marks of a pixel with no phase, too little modulation, too large a residual;
     `void`, which starts at zero, gets the first that holds.
     """
-    height, width = phase.shape
-    variance, gain = np.float32(noise[0] ** 2), np.float32(noise[1])
-    black = np.float32(noise[2])
-    least, in_sigmas, most = np.float32(limits[0]), np.float32(limits[1]), np.float32(limits[2])
-    saturated, dim, misfit = np.uint8(broken[0]), np.uint8(broken[1]), np.uint8(broken[2])
-    for i in range(height):
+    variance, gain, black = np.float32(noise[0] ** 2), np.float32(noise[1]), np.float32(noise[2])
+    most = (np.float32(limits[0]), np.float32(limits[1]), np.float32(limits[2]))
+    marks = (np.uint8(broken[0]), np.uint8(broken[1]), np.uint8(broken[2]))
+    for i in range(phase.shape[0]):
         phi, of_phase, grey = phase[i], spread[i], offset[i]
         contrast, left, mark = modulation[i], residual[i], void[i]
-        for j in range(width):
-            sigma = np.sqrt(variance + gain * max(grey[j] - black, ZERO))
-            rule = misfit if left[j] > most * sigma else mark[j]
-            rule = dim if contrast[j] < max(least, in_sigmas * sigma) else rule
-            rule = rule if phi[j] == phi[j] else saturated
-            mark[j] = rule
+        for j in range(phi.size):
+            sigma = noise_of(grey[j], variance, gain, black)
+            rule = rule_of(phi[j], contrast[j], left[j], sigma, most, marks)
+            mark[j] = rule if rule else mark[j]
             of_phase[j] = NAN if rule else of_phase[j] * sigma
             phi[j] = NAN if rule else phi[j]

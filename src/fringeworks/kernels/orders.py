@@ -7,16 +7,19 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.kernels.compiled import kernel
+from fringeworks.kernels.compiled import Real, kernel
+from fringeworks.kernels.tile import BOUND_SLOTS, TILE, Images, append_bits, bound_levels
 
 Floats = NDArray[np.float32]
 
 TWO_PI = 2 * math.pi
+PER_TURN = np.float32(1 / TWO_PI)
+ONE = np.float32(1)
 
 
 @kernel
 def gray_index(
-    bits: NDArray[np.generic],
+    bits: Images,
     threshold: NDArray[np.generic],
     doubt: Floats,
     index: NDArray[np.int32],
@@ -38,14 +41,18 @@ def gray_index(
         ``(H, W)`` count of doubtful bits, added to.
     """
     count, height, width = bits.shape
+    bounds, level = np.empty(BOUND_SLOTS * TILE, bits.dtype), np.empty(TILE, np.float32)
     for i in range(height):
-        code, near, limit = index[i], doubtful[i], doubt[i]
-        for n in range(count):
-            image, level = bits[n, i], threshold[min(n, threshold.shape[0] - 1), i]
-            for j in range(width):
-                above = np.float32(image[j]) - np.float32(level[j])
-                code[j] = (code[j] << 1) | (np.int32(above > 0) ^ (code[j] & 1))
-                near[j] += np.uint8(abs(above) <= limit[j])
+        for begin in range(0, width, TILE):
+            n = min(TILE, width - begin)
+            end = begin + n
+            near, code = doubt[i, begin:end], index[i, begin:end]
+            for m in range(count):
+                if m < threshold.shape[0]:
+                    level[:n] = threshold[m, i, begin:end]
+                    bound_levels(n, level, near, bounds)
+                place, found = (i, begin, n), doubtful[i, begin:end]
+                append_bits(bits, place, (m, m + 1), bounds, code, found)
 
 
 @kernel
@@ -63,9 +70,21 @@ def combine_phases(
 
 
 @kernel
-def order_of(reference_px: float, phase: float, period_px: float, zero_px: float) -> float:
-    """The one unwrapping formula: ``k = round((Phi_ref - phi) / 2 pi)``."""
-    return float(np.rint((reference_px - zero_px) / period_px - phase / TWO_PI))
+def order_of(reference_px: Real, phase: Real, zero_px: Real, per_px: Real) -> Real:
+    """The one unwrapping formula: ``k = round((Phi_ref - phi) / 2 pi)``; `per_px` is 1 / period."""
+    return np.rint((reference_px - zero_px) * per_px - phase * PER_TURN)
+
+
+@kernel
+def coordinate_of(phase: Real, order: Real, period_px: Real, zero_px: Real) -> Real:
+    """Coordinate, px, of an absolute phase: ``zero + P (phi / 2 pi + k)``."""
+    return (zero_px + period_px * order) + period_px * (phase * PER_TURN)
+
+
+@kernel
+def margin_of(reference_px: Real, coordinate_px: Real, per_px: Real) -> Real:
+    """How far a reference stays from the next order: ``1 - |Phi_ref - Phi| / pi``."""
+    return ONE - abs(reference_px - coordinate_px) * (per_px + per_px)
 
 
 @kernel
@@ -84,17 +103,32 @@ def unwrap(
     whose phase or reference is NaN gets NaN, -1, NaN. The order is right where the reference is
     within half a period of the truth; `margin` is 1 - |Phi_ref - Phi| / pi.
     """
-    height, width = phase.shape
     one_for_all = reference_px.size == 1
-    for i in range(height):
-        for j in range(width):
-            reference = reference_px[0, 0] if one_for_all else reference_px[i, j]
-            phi = phase[i, j]
-            k = order_of(reference, phi, period_px, zero_px)
-            at = zero_px + period_px * (phi / TWO_PI + k)
-            coordinate[i, j] = at
-            order[i, j] = -1 if math.isnan(at) else int(k)
-            margin[i, j] = 1 - abs(reference - at) / (period_px / 2)
+    for i in range(phase.shape[0]):
+        reference = reference_px[0] if one_for_all else reference_px[i]
+        unwrap_row(phase[i], reference, (period_px, zero_px), coordinate[i], order[i], margin[i])
+
+
+@kernel
+def unwrap_row(
+    phase: Floats,
+    reference_px: Floats,
+    fringe: tuple[float, float],
+    coordinate: Floats,
+    order: NDArray[np.int32],
+    margin: Floats,
+) -> None:
+    """`unwrap` of pixels ``(n,)``; `reference_px` may be ``(1,)``. `fringe` is period and zero."""
+    period, zero = np.float32(fringe[0]), np.float32(fringe[1])
+    per_px = np.float32(1 / fringe[0])
+    one_for_all = reference_px.size == 1
+    for j in range(phase.size):
+        reference = reference_px[0] if one_for_all else reference_px[j]
+        k = order_of(reference, phase[j], zero, per_px)
+        at = coordinate_of(phase[j], k, period, zero)
+        coordinate[j] = at
+        order[j] = np.int32(k) if at == at else np.int32(-1)
+        margin[j] = margin_of(reference, at, per_px)
 
 
 @kernel
@@ -108,7 +142,8 @@ def place(
 ) -> None:
     """Coordinate, px, of absolute phases ``(H, W)``; NaN where the margin is."""
     height, width = phase.shape
+    period, zero = np.float32(period_px), np.float32(zero_px)
     for i in range(height):
         for j in range(width):
-            at = zero_px + period_px * (phase[i, j] / TWO_PI + order[i, j])
+            at = coordinate_of(phase[i, j], np.float32(order[i, j]), period, zero)
             coordinate[i, j] = at if margin[i, j] == margin[i, j] else math.nan

@@ -56,6 +56,35 @@ def projected(
 
 
 @kernel
+def turned_ray(rotation: Array, x: float, y: float) -> tuple[float, float, float]:
+    """``rotation @ (x, y, 1)``."""
+    return (
+        rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2],
+        rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2],
+        rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2],
+    )
+
+
+@kernel
+def correct_depth(
+    miss: tuple[float, float], slope: tuple[float, float], weight: tuple[float, float]
+) -> tuple[float, float]:
+    """Gauss-Newton step of the depth, mm, and its information, 1 / mm^2.
+
+    `miss` is measured less projected column and row, px; `slope` how these change with depth.
+    """
+    information = weight[0] * slope[0] ** 2 + weight[1] * slope[1] ** 2
+    towards = weight[0] * slope[0] * miss[0] + weight[1] * slope[1] * miss[1]
+    return towards / information, information
+
+
+@kernel
+def across_line(miss: tuple[float, float], slope: tuple[float, float]) -> float:
+    """The part of a miss, px, that is perpendicular to the epipolar line."""
+    return (miss[0] * slope[1] - miss[1] * slope[0]) / math.hypot(slope[0], slope[1])
+
+
+@kernel
 def solve_depth(
     a: tuple[float, float, float],
     t: Array,
@@ -78,13 +107,11 @@ def solve_depth(
         if not a[2] * z + t[2] > 0:
             return math.nan, math.nan, math.nan
         column, row, by_column, by_row = projected(a, t, z, lens)
-        miss_x, miss_y = measured[0] - column, measured[1] - row
-        information = weight[0] * by_column**2 + weight[1] * by_row**2
-        step = (weight[0] * by_column * miss_x + weight[1] * by_row * miss_y) / information
+        miss, slope = (measured[0] - column, measured[1] - row), (by_column, by_row)
+        step, information = correct_depth(miss, slope, weight)
         z += step
         if abs(step) < CONVERGED_MM:
-            length = math.hypot(by_column, by_row)
-            across = (miss_x * by_row - miss_y * by_column) / length if both else math.nan
+            across = across_line(miss, slope) if both else math.nan
             return z, 1 / math.sqrt(information), across
     return math.nan, math.nan, math.nan
 
@@ -136,11 +163,7 @@ def triangulate(
                 0.0 if math.isinf(r) else float(coordinates[1, v, u]),
             )
             x, y = undistort((u - camera[2]) / camera[0], (v - camera[3]) / camera[1], camera)
-            a = (
-                rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2],
-                rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2],
-                rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2],
-            )
+            a = turned_ray(rotation, x, y)
             z, spread, across = solve_depth(a, translation, measured, weight, projector)
             if z > window[0] and z < window[1]:
                 xyz[v, u, 0], xyz[v, u, 1], xyz[v, u, 2] = x * z, y * z, z
