@@ -9,7 +9,7 @@ import pytest
 
 from fringeworks.errors import FormatError, UsageError
 from fringeworks.files import read_cloud, write_cloud
-from fringeworks.model import Cloud
+from fringeworks.model import Cloud, Reason
 
 H, W = 6, 8
 
@@ -37,6 +37,20 @@ def test_npz_keeps_everything(tmp_path: Path, colour: Any) -> None:
         np.testing.assert_array_equal(getattr(again, name), getattr(cloud, name))
     assert (again.frame, again.scale_sigma) == ("board", 1.5e-4)
     assert again.xyz.dtype == np.float32
+
+
+def test_npz_keeps_what_is_known_of_each_point(tmp_path: Path) -> None:
+    reason = np.zeros((H, W), np.uint8)
+    reason[0, 0] = Reason.MIXED
+    cloud = replace(plane(), systematic_mm=2 * plane().sigma_mm, reason=reason)
+    write_cloud(tmp_path / "a.npz", cloud)
+    again = read_cloud(tmp_path / "a.npz")
+    assert again.systematic_mm is not None
+    np.testing.assert_array_equal(again.systematic_mm, 2 * cloud.sigma_mm)
+    np.testing.assert_array_equal(again.reason, reason)
+    write_cloud(tmp_path / "b.npz", plane())
+    without = read_cloud(tmp_path / "b.npz")
+    assert (without.systematic_mm, without.reason) == (None, None)
 
 
 def test_npz_is_as_documented(tmp_path: Path) -> None:
@@ -67,6 +81,14 @@ def test_npz_with_xyz_alone(tmp_path: Path) -> None:
         (
             {"xyz": np.zeros((2, 2, 3)), "sigma_mm": np.zeros(4)},
             r"sigma_mm must be numbers of shape \(2, 2\), got float64 of \(4,\)",
+        ),
+        (
+            {"xyz": np.zeros((2, 2, 3)), "reason": np.full((2, 2), 9, np.uint8)},
+            r"reason must be uint8 below 6 of shape \(2, 2\), got uint8 of \(2, 2\)",
+        ),
+        (
+            {"xyz": np.zeros((2, 2, 3)), "reason": np.zeros((2, 2))},
+            r"reason must be uint8 below 6 of shape \(2, 2\), got float64 of \(2, 2\)",
         ),
         (
             {"xyz": np.zeros((2, 2, 3)), "colour": np.zeros((2, 2, 3))},

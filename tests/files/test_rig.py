@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as hnp
 from fringeworks.errors import FormatError, UsageError
 from fringeworks.files import read_rig, write_rig
 from fringeworks.geometry.pose import rotation_matrix
-from fringeworks.model import Camera, Lens, Pose, Projector, Quality, Rig
+from fringeworks.model import Camera, Extended, Lens, Pose, Projector, Quality, Rig
 from fringeworks.twin.optics import optics_of
 from fringeworks.twin.scenes import RIGS, named_rig
 
@@ -43,6 +43,16 @@ def assert_same(one: Rig, other: Rig) -> None:
 def test_round_trip(tmp_path: Path) -> None:
     write_rig(tmp_path / "rig.json", RIG)
     assert_same(read_rig(tmp_path / "rig.json"), RIG)
+
+
+def test_the_extended_parameters_are_kept(tmp_path: Path) -> None:
+    extended = Extended("y", 18.5, 0.1, 0.2, 3e-3, -4e-3, 5.0, 2.7, 17.9, -0.5, -6.975, 1 / 3)
+    write_rig(tmp_path / "rig.json", replace(RIG, extended=extended))
+    assert read_rig(tmp_path / "rig.json").extended == extended
+    document = json.loads((tmp_path / "rig.json").read_text())["extended"]
+    assert list(document) == ["axis", "period_px", *Extended.NAMES]
+    assert document["Kz"] == 1 / 3
+    assert read_rig(tmp_path / "rig.json").further == {}
 
 
 def test_without_volume_and_quality(tmp_path: Path) -> None:
@@ -86,7 +96,7 @@ def test_the_file_is_as_documented(tmp_path: Path) -> None:
 
 def test_further_keys_are_kept(tmp_path: Path) -> None:
     further = {
-        "extended": {"axis": "x", "C1": 0.25},
+        "transfer": {"axis": "x", "C1": 0.25},
         "covariance": np.array([[1.0, np.nan], [np.float32(0.5), 2.0]]),
         "response": {"levels": (np.int64(3), np.float64(0.1)), "note": None},
         "provenance": "a bench",
@@ -94,7 +104,7 @@ def test_further_keys_are_kept(tmp_path: Path) -> None:
     write_rig(tmp_path / "rig.json", replace(RIG, further=further))
     again = read_rig(tmp_path / "rig.json").further
     assert again == {
-        "extended": {"axis": "x", "C1": 0.25},
+        "transfer": {"axis": "x", "C1": 0.25},
         "covariance": [[1.0, None], [0.5, 2.0]],
         "response": {"levels": [3, 0.1], "note": None},
         "provenance": "a bench",
@@ -209,6 +219,13 @@ QUALITY = dict.fromkeys(("camera_rms_px", "projector_rms_px", "joint_rms_px"), 0
     [
         (at_top(format="fringeworks-rig/9"), "format must be 'fringeworks-rig/1', got 'fring"),
         (at_top(weather="fine"), "unknown key 'weather'; known here: format, units, devices"),
+        (at_top(extended={"axis": "x"}), "extended.period_px is missing"),
+        (at_top(extended={"axis": "z", "period_px": 32}), "extended.axis must be 'x' or 'y'"),
+        (at_top(extended={"axis": "x", "period_px": 0}), "extended.period_px must be > 0, got 0"),
+        (
+            at_top(extended={"axis": "x", "period_px": 32, "C5": 1}),
+            "unknown key 'extended.C5'; known here: axis, period_px, C1",
+        ),
         (at_top(extendet={}), "unknown key 'extendet', did you mean 'extended'"),
         (in_beamer(fz=3), "unknown key 'devices.beamer.fz'; known here: kind, width, h"),
         (in_beamer(fx=-1.0), "devices.beamer.fx must be > 0, got -1.0"),

@@ -17,7 +17,7 @@ from fringeworks.files.npz import Arrays, read_npz, write_npz
 from fringeworks.files.ply import VERTEX, read_ply, write_ply
 from fringeworks.files.system import check_file
 from fringeworks.geometry.grid import grid_normals
-from fringeworks.model.cloud import Cloud
+from fringeworks.model.cloud import Cloud, Reason, ReasonMap
 
 PLANNED_SUFFIXES = (".pcd", ".e57", ".stl", ".glb", ".obj")
 UNKNOWN_FRAME = "unknown"
@@ -88,10 +88,24 @@ def _write_npz(path: Path, cloud: Cloud) -> None:
         arrays["colour"] = cloud.colour
     if cloud.scale_sigma is not None:
         arrays["scale_sigma"] = np.array(cloud.scale_sigma)
+    if cloud.systematic_mm is not None:
+        arrays["systematic_mm"] = cloud.systematic_mm
+    if cloud.reason is not None:
+        arrays["reason"] = cloud.reason
     write_npz(path, arrays)
 
 
-_ARRAYS = ("xyz", "sigma_mm", "intensity", "epipolar_px", "frame", "colour", "scale_sigma")
+_ARRAYS = (
+    "xyz",
+    "sigma_mm",
+    "intensity",
+    "epipolar_px",
+    "frame",
+    "colour",
+    "scale_sigma",
+    "systematic_mm",
+    "reason",
+)
 
 
 def _read_npz(path: Path) -> Cloud:
@@ -110,7 +124,23 @@ def _read_npz(path: Path) -> Cloud:
         colour=_colour(path, arrays, shape),
         frame=str(frame) if frame.dtype.kind == "U" and frame.ndim == 0 else UNKNOWN_FRAME,
         scale_sigma=_scale_sigma(path, arrays),
+        systematic_mm=_numbers(path, arrays, "systematic_mm", shape=shape[:2])
+        if "systematic_mm" in arrays
+        else None,
+        reason=_reason(path, arrays, shape),
     )
+
+
+def _reason(path: Path, arrays: Arrays, shape: tuple[int, ...]) -> ReasonMap | None:
+    reason = arrays.get("reason")
+    if reason is not None and (
+        reason.shape != shape[:2] or reason.dtype != np.uint8 or reason.max() >= len(Reason)
+    ):
+        raise FormatError(
+            f"{path}: reason must be uint8 below {len(Reason)} of shape {shape[:2]}, "
+            f"got {reason.dtype} of {reason.shape}"
+        )
+    return reason
 
 
 def _scale_sigma(path: Path, arrays: Arrays) -> float | None:

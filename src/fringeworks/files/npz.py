@@ -29,8 +29,9 @@ Arrays = dict[str, NDArray[Any]]
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write arrays under their names, not compressed; atomic."""
+    whole = {name: np.asarray(array, order="C") for name, array in arrays.items()}
     with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
+        np.savez(file, allow_pickle=False, **whole)  # views would go out in small pieces
 
 
 def read_npz(path: Path, names: Collection[str]) -> Arrays:

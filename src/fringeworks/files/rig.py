@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,11 +16,13 @@ from fringeworks.files.rig_schema import (
     FURTHER_KEYS,
     RIG_FORMAT,
     DeviceTable,
+    ResidualTable,
     RigFile,
 )
 from fringeworks.files.validation import MAX_TEXT_BYTES, check_format, read_json, validated
 from fringeworks.geometry.pose import compose_poses
-from fringeworks.model.rig import Camera, Lens, Pose, Projector, Quality, Rig
+from fringeworks.model.residual import ResidualField, Three, count_terms
+from fringeworks.model.rig import Camera, Extended, Lens, Pose, Projector, Quality, Rig
 
 ROTATION_TOLERANCE = 1e-6
 """Largest deviation of any element of R R^T from the unit matrix."""
@@ -55,6 +57,8 @@ def _parse(document: dict[str, Any], path: Path) -> Rig:
         volume_mm=_volume(file, path),
         quality=None if file.quality is None else Quality(**file.quality.model_dump()),
         scale_sigma=file.scale_sigma,
+        extended=None if file.extended is None else Extended(**file.extended.model_dump()),
+        residual=_residual(file.residual, path),
         further={key: document[key] for key in FURTHER_KEYS if key in document},
     )
 
@@ -121,6 +125,10 @@ def _describe(rig: Rig) -> dict[str, Any]:
         document["quality"] = asdict(rig.quality)
     if rig.scale_sigma is not None:
         document["scale_sigma"] = rig.scale_sigma
+    if rig.extended is not None:
+        document["extended"] = asdict(rig.extended)
+    if rig.residual:
+        document["residual"] = [_plain(asdict(field)) for field in rig.residual]
     further = {key: _plain(rig.further[key]) for key in FURTHER_KEYS if key in rig.further}
     return {**document, **further}
 
@@ -169,6 +177,44 @@ def _volume(file: RigFile, path: Path) -> tuple[float, float] | None:
     if not near < far:
         raise FormatError(f"{path}: volume_mm.z_max must be > z_min = {near:g}, got {far:g}")
     return near, far
+
+
+def _residual(tables: Sequence[ResidualTable], path: Path) -> tuple[ResidualField, ...]:
+    belongs = [(table.model, table.axis) for table in tables]
+    for place, table in enumerate(tables):
+        if belongs[place] in belongs[:place]:
+            raise FormatError(
+                f"{path}: residual[{place}] is a second field of the {table.model} model along "
+                f"{table.axis}"
+            )
+        if not all(low < high for low, high in zip(table.low, table.high, strict=True)):
+            raise FormatError(f"{path}: residual[{place}].high must be > low, each of the three")
+        wanted, given = count_terms(table.order), len(table.coefficients)
+        if given != wanted:
+            raise FormatError(
+                f"{path}: residual[{place}].coefficients must be {wanted} for order "
+                f"{table.order}, got {given}"
+            )
+    return tuple(_field(table) for table in tables)
+
+
+def _field(table: ResidualTable) -> ResidualField:
+    return ResidualField(
+        model=table.model,
+        axis=table.axis,
+        order=table.order,
+        middle=_three(table.middle),
+        low=_three(table.low),
+        high=_three(table.high),
+        coefficients=tuple(table.coefficients),
+        gain=table.gain,
+        gain_sigma=table.gain_sigma,
+    )
+
+
+def _three(values: list[float]) -> Three:
+    a, b, c = values
+    return a, b, c
 
 
 def _describe_device(kind: str, device: Camera | Projector, pose: Pose) -> dict[str, Any]:

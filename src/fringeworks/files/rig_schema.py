@@ -11,16 +11,19 @@ from fringeworks.files.validation import Table
 RIG_FORMAT = "fringeworks-rig/1"
 
 FURTHER_KEYS = (
-    "extended",
     "transfer",
     "response",
     "station_from_camera",
     "covariance",
     "calibration",
+    "extended_fit",
     "provenance",
     "twin",
 )
 """Keys that are kept as they stand in `Rig.further`; their owners check them."""
+
+MAX_ORDER = 20
+"""Of a residual field: more than any calibration tells."""
 
 Extent = Annotated[int, Field(ge=1, le=65536)]
 Focal = Annotated[float, Field(gt=0)]
@@ -80,6 +83,37 @@ class QualityTable(Table):
     observations_offered: Count
 
 
+class ExtendedTable(Table):
+    """See `Extended`."""
+
+    axis: Literal["x", "y"]
+    period_px: Annotated[float, Field(gt=0)]
+    C1: float = 0.0
+    C2: float = 0.0
+    C3: float = 0.0
+    C4: float = 0.0
+    Kfp: float = 0.0
+    Kphi: float = 0.0
+    Ku0: float = 0.0
+    Kv0: float = 0.0
+    Kfc: float = 0.0
+    Kz: float = 0.0
+
+
+class ResidualTable(Table):
+    """See `ResidualField`."""
+
+    model: Literal["geometric", "extended", "full"]
+    axis: Literal["x", "y"]
+    order: Annotated[int, Field(ge=1, le=MAX_ORDER)]
+    middle: Triple
+    low: Triple
+    high: Triple
+    coefficients: list[float]
+    gain: float
+    gain_sigma: NotNegative
+
+
 class BeyondTable(Table):
     """What a simulated lens does beyond the five terms; see `twin.optics.Optics`."""
 
@@ -105,11 +139,13 @@ class RigFile(Table):
     volume_mm: VolumeTable | None = None
     quality: QualityTable | None = None
     scale_sigma: NotNegative | None = None
-    extended: Any = None
+    extended: ExtendedTable | None = None
+    residual: Annotated[list[ResidualTable], Field(default_factory=list)]
     transfer: Any = None
     response: Any = None
     station_from_camera: Any = None
     covariance: Any = None
     calibration: Any = None
+    extended_fit: Any = None
     provenance: Any = None
     twin: TwinTable = TwinTable()

@@ -49,7 +49,7 @@ class Minimum:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Point:
+class Point:
     """Parameters with their loss, its gradient ``(n,)`` and normal matrix ``(n, n)``."""
 
     parameters: Array
@@ -58,24 +58,39 @@ class _Point:
     normal: Array
 
 
+Evaluate: TypeAlias = Callable[[Array], Point]
+"""What `descend` asks for at parameters ``(n,)``."""
+
+
 def minimise(
     model: Model, start: Array, *, huber: float = math.inf, steps: int = MOST_STEPS
 ) -> Minimum:
-    """Least sum of Huber losses of the residuals, beyond `huber` linear; without it, of squares.
+    """Least sum of Huber losses of the residuals, beyond `huber` linear; without it, of squares."""
+    return descend(lambda parameters: _evaluate(model, parameters, huber), start, steps=steps)
+
+
+def descend(
+    evaluate: Evaluate,
+    start: Array,
+    *,
+    steps: int = MOST_STEPS,
+    damping: float = _FIRST_DAMPING,
+) -> Minimum:
+    """Where a loss that is a sum of squares, or nearly, is least; `damping` is the first step's.
 
     It ends where Newton's step would move the residuals by less than 1e-6 standard deviations in
     all, or lower the loss by less than 1e-12 of it, or where rounding hides any gain. Not
     converged: so many `steps` were not enough, or nothing lowers the loss though the gradient says
     so.
     """
-    point = _evaluate(model, start, huber)
-    damping, growth = _FIRST_DAMPING, 2.0
+    point = evaluate(start)
+    growth = 2.0
     for _ in range(steps):
         if growth == 2.0 and _settled(point):
             return Minimum(point.parameters, True, point.normal)
         step = _damped_step(point, damping)
         expected = -float(step @ point.gradient) - 0.5 * float(step @ point.normal @ step)
-        trial = _evaluate(model, point.parameters + step, huber)
+        trial = evaluate(point.parameters + step)
         gained = point.loss - trial.loss
         if gained > 0:
             damping *= max(1 / 3, 1 - (2 * gained / expected - 1) ** 3)
@@ -87,21 +102,21 @@ def minimise(
     return Minimum(point.parameters, False, point.normal)
 
 
-def _settled(point: _Point) -> bool:
+def _settled(point: Point) -> bool:
     drop = _drop(point)
     return drop < _STEP**2 or drop / 2 < _GAIN * point.loss
 
 
-def _drop(point: _Point) -> float:
+def _drop(point: Point) -> float:
     """Square of how far Newton's step moves the residuals: twice what it lowers the loss by."""
     return -float(_damped_step(point, _HARDLY_ANY) @ point.gradient)
 
 
-def _scale(point: _Point) -> Array:
+def _scale(point: Point) -> Array:
     return np.sqrt(np.maximum(np.diag(point.normal), 1e-300))
 
 
-def _damped_step(point: _Point, damping: float) -> Array:
+def _damped_step(point: Point, damping: float) -> Array:
     """Marquardt's step, solved with the parameters scaled to a normal matrix of unit diagonal."""
     scale = _scale(point)
     matrix = point.normal / np.outer(scale, scale)
@@ -112,7 +127,7 @@ def _damped_step(point: _Point, damping: float) -> Array:
         return np.full_like(scale, np.nan)
 
 
-def _evaluate(model: Model, parameters: Array, huber: float) -> _Point:
+def _evaluate(model: Model, parameters: Array, huber: float) -> Point:
     loss = 0.0
     gradient = np.zeros(len(parameters))
     normal = np.zeros((len(parameters), len(parameters)))
@@ -126,4 +141,4 @@ def _evaluate(model: Model, parameters: Array, huber: float) -> _Point:
         gradient[columns] += weighted.T @ residuals
         # einsum, since BLAS would wake all its threads for each of these small products
         normal[np.ix_(columns, columns)] += np.einsum("ij,ik->jk", weighted, jacobian)
-    return _Point(parameters, loss, gradient, normal)
+    return Point(parameters, loss, gradient, normal)

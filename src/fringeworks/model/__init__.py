@@ -10,7 +10,7 @@ from fringeworks.model.board import (
     kind_of,
 )
 from fringeworks.model.capture import Capture, Frames, Sensor
-from fringeworks.model.cloud import Cloud
+from fringeworks.model.cloud import Cloud, Reason
 from fringeworks.model.finding import Finding
 from fringeworks.model.phase import (
     AbsolutePhase,
@@ -24,7 +24,8 @@ from fringeworks.model.phase import (
     describe_voids,
 )
 from fringeworks.model.progress import Progress, no_progress
-from fringeworks.model.rig import Camera, Lens, Pose, Projector, Quality, Rig
+from fringeworks.model.residual import ModelName, ResidualField
+from fringeworks.model.rig import Camera, Extended, Lens, Pose, Projector, Quality, Rig
 from fringeworks.model.sequence import (
     AXES,
     Axis,
@@ -59,12 +60,14 @@ __all__ = [
     "CodedAxis",
     "Codeword",
     "Colour",
+    "Extended",
     "Finding",
     "FloatMap",
     "Frames",
     "Fringe",
     "GrayCode",
     "Lens",
+    "ModelName",
     "Noise",
     "Pattern",
     "PatternSet",
@@ -74,6 +77,8 @@ __all__ = [
     "Projector",
     "ProjectorMap",
     "Quality",
+    "Reason",
+    "ResidualField",
     "Rig",
     "Sensor",
     "Sequence",

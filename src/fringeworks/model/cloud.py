@@ -3,12 +3,43 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.model.capture import Frames
 from fringeworks.model.finding import Finding
+
+ReasonMap: TypeAlias = NDArray[np.uint8]
+
+
+class Reason(IntEnum):
+    """Why a pixel has no point; the first that holds."""
+
+    VALID = 0
+    NOT_DECODED = 1
+    OFF_LINE = 2
+    OUTSIDE = 3
+    MIXED = 4
+    GRAZING = 5
+
+
+REASON_WORDS = {
+    Reason.NOT_DECODED: "not decoded",
+    Reason.OFF_LINE: "off the epipolar line",
+    Reason.OUTSIDE: "outside the volume",
+    Reason.MIXED: "at an edge, seeing both sides of it",
+    Reason.GRAZING: "at grazing incidence",
+}
+
+
+def describe_reasons(reason: ReasonMap) -> str:
+    """Shares of all pixels, reason by reason, in words."""
+    counts = np.bincount(reason.ravel(), minlength=len(Reason)) / reason.size
+    parts = [f"{counts[why]:.1%} {words}" for why, words in REASON_WORDS.items() if counts[why]]
+    return ", ".join(parts) or "all pixels have a point"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +64,12 @@ class Cloud:
         the rig. None where nobody knows.
     findings
         What the user should know of how the points came about.
+    systematic_mm
+        ``(H, W)`` float32: systematic part of the uncertainty, one standard deviation along z, from
+        the rig's calibration; the points of one scan, and of all scans with the rig, share it.
+        NaN where void. None where the rig does not keep how well it is known.
+    reason
+        ``(H, W)`` uint8, a `Reason` per pixel; None where nobody kept them.
     """
 
     xyz: NDArray[np.float32]
@@ -43,6 +80,8 @@ class Cloud:
     frame: str = "camera"
     scale_sigma: float | None = None
     findings: tuple[Finding, ...] = ()
+    systematic_mm: NDArray[np.float32] | None = None
+    reason: ReasonMap | None = None
 
     @property
     def valid(self) -> NDArray[np.bool_]:

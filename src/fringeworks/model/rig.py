@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.geometry.pose import invert_pose
+from fringeworks.model.residual import ResidualField
+from fringeworks.model.sequence import Axis
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +94,57 @@ class Quality:
 
 
 @dataclass(frozen=True, slots=True)
+class Extended:
+    """The paper's ten parameters (its equations 4 to 7); all zero, they change nothing.
+
+    They belong to fringes along `axis` of `period_px`, projector px. C1, C2 and Kz are mm, C3 and
+    C4 have no unit, Kfp, Ku0, Kv0 and Kfc are px, Kphi is rad.
+    """
+
+    NAMES: ClassVar[tuple[str, ...]] = (
+        "C1",
+        "C2",
+        "C3",
+        "C4",
+        "Kfp",
+        "Kphi",
+        "Ku0",
+        "Kv0",
+        "Kfc",
+        "Kz",
+    )
+
+    axis: Axis
+    period_px: float
+    C1: float = 0.0
+    C2: float = 0.0
+    C3: float = 0.0
+    C4: float = 0.0
+    Kfp: float = 0.0
+    Kphi: float = 0.0
+    Ku0: float = 0.0
+    Kv0: float = 0.0
+    Kfc: float = 0.0
+    Kz: float = 0.0
+
+    @property
+    def vector(self) -> NDArray[np.float64]:
+        """``(10,)`` in the order of `NAMES`, as `kernels` takes it."""
+        return np.array([getattr(self, name) for name in self.NAMES], dtype=np.float64)
+
+    @classmethod
+    def from_vector(cls, vector: NDArray[np.floating], *, axis: Axis, period_px: float) -> Extended:
+        return cls(axis, period_px, *(float(value) for value in vector))
+
+
+@dataclass(frozen=True, slots=True)
 class Rig:
     """One camera and one projector that have been calibrated together.
 
     `volume_mm` is the depth range (z of the camera frame) that the calibration poses covered.
     `scale_sigma` is how well the scale of all lengths is known, a share, one standard deviation;
-    None where nobody knows.
+    None where nobody knows. `extended` are the paper's ten parameters, where they were fitted;
+    `residual` what models leave, at most one field of each model and axis.
     `further` keeps the other keys of the rig's file: its calibration's observations, response...
     """
 
@@ -107,6 +154,8 @@ class Rig:
     volume_mm: tuple[float, float] | None = None
     quality: Quality | None = None
     scale_sigma: float | None = None
+    extended: Extended | None = None
+    residual: tuple[ResidualField, ...] = ()
     further: Mapping[str, Any] = field(default_factory=dict)
 
     @property
