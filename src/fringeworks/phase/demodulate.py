@@ -7,6 +7,7 @@ N = 3), and its sigma ``sqrt(2 / N) sigma_I / B`` is the Cramer-Rao bound.
 
 from __future__ import annotations
 
+from collections.abc import Sequence as Items
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,13 @@ from numpy.typing import NDArray
 from fringeworks.errors import ShapeError, UsageError
 from fringeworks.kernels import demodulate as kernels
 from fringeworks.model import FloatMap, Frames, Fringe, Noise, Sensor, Void, WrappedPhase
-from fringeworks.phase.noise import LEAST_PIXELS, image_noise, residual_noise
+from fringeworks.phase.noise import (
+    LEAST_PIXELS,
+    camera_noise,
+    image_noise,
+    noise_rows,
+    residual_noise,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +40,10 @@ class MaskRules:
     modulation_sigmas: float = 5.0
     modulation_share: float = 8 / 255
     residual_sigmas: float = 5.0
+
+    def least_modulation(self, sensor: Sensor) -> float:
+        """Grey levels that the modulation must reach whatever the noise."""
+        return self.modulation_share * sensor.full_scale
 
 
 def wrap_three_steps(frames: Frames, *, out: FloatMap | None = None) -> FloatMap:
@@ -80,11 +91,11 @@ def demodulate(
     shifts = np.repeat(fringe.shifts_rad, repeats)
     if frames.ndim != 3 or len(frames) != len(shifts):
         raise ShapeError(f"frames must be ({len(shifts)}, H, W), got {frames.shape}")
-    phase, offset, modulation, residual, spread = _fit_sinusoid(frames, shifts, sensor.saturation)
-    least = rules.modulation_share * sensor.full_scale
-    lit = (modulation >= least) & np.isfinite(phase)
-    noise = _noise_of(frames, residual, use=lit, sensor=sensor)
-    sigma, void = spread, np.full(phase.shape, Void.VALID, np.uint8)
+    maps = _fit_frames(frames, solve_shifts(shifts), sensor.saturation)
+    phase, offset, modulation, residual, sigma = maps
+    rows = noise_rows(phase.shape)
+    noise = _noise_of(frames[:, rows], [item[rows] for item in maps], sensor=sensor, rules=rules)
+    void = np.full(phase.shape, Void.VALID, np.uint8)
     kernels.apply_rules(
         phase,
         sigma,
@@ -92,44 +103,85 @@ def demodulate(
         modulation,
         residual,
         (noise.read, noise.gain, noise.black_level),
-        (least, rules.modulation_sigmas, rules.residual_sigmas),
+        (rules.least_modulation(sensor), rules.modulation_sigmas, rules.residual_sigmas),
         (Void.SATURATED, Void.MODULATION, Void.RESIDUAL),
         void,
     )
     return WrappedPhase(fringe, phase, offset, modulation, residual, sigma, noise, void)
 
 
-def _fit_sinusoid(
-    frames: Frames, shifts: NDArray[np.float64], saturation: float
-) -> tuple[FloatMap, FloatMap, FloatMap, FloatMap, FloatMap]:
-    """Phase, offset, modulation, residual, and sigma of the phase per grey level of noise."""
-    basis = np.stack([np.ones_like(shifts), np.cos(shifts), np.sin(shifts)], axis=1)
+@dataclass(frozen=True, slots=True, eq=False)
+class ShiftSolution:
+    """What takes frames of given shifts to their sinusoid, in single precision.
+
+    Attributes
+    ----------
+    basis
+        ``(N, 3)``: 1, cos, sin of each shift.
+    solve
+        ``(3, N)``: its pseudo-inverse.
+    covariance
+        ``(3,)``: elements cc, cs, ss of the inverse normal matrix.
+    """
+
+    basis: FloatMap
+    solve: FloatMap
+    covariance: FloatMap
+
+
+def solve_shifts(shifts_rad: NDArray[np.float64]) -> ShiftSolution:
+    """Least squares for the shifts ``(N,)`` of as many frames.
+
+    Raises
+    ------
+    UsageError
+        They do not determine a sinusoid (fewer than three distinct ones).
+    """
+    basis = np.stack([np.ones_like(shifts_rad), np.cos(shifts_rad), np.sin(shifts_rad)], axis=1)
     normal = basis.T @ basis
     if np.linalg.cond(normal) > 1e8:
-        degrees = ", ".join(f"{value:g}" for value in np.rad2deg(shifts))
+        degrees = ", ".join(f"{value:g}" for value in np.rad2deg(shifts_rad))
         raise UsageError(f"shifts must contain three distinct angles, got {degrees} degrees")
     inverse = np.linalg.inv(normal)
-    covariance = np.array([inverse[1, 1], inverse[1, 2], inverse[2, 2]], np.float32)
-    outputs = tuple(np.empty(frames.shape[1:], np.float32) for _ in range(5))
-    kernels.demodulate(
-        np.ascontiguousarray(frames),
+    return ShiftSolution(
         basis.astype(np.float32),
         (inverse @ basis.T).astype(np.float32),
-        covariance,
-        saturation,
-        *outputs,
+        np.array([inverse[1, 1], inverse[1, 2], inverse[2, 2]], np.float32),
     )
-    phase, offset, modulation, residual, spread = outputs
-    return phase, offset, modulation, residual, spread
 
 
-def _noise_of(
-    frames: Frames, residual: FloatMap, *, use: NDArray[np.bool_], sensor: Sensor
+def estimate_noise(
+    frames: Frames, solution: ShiftSolution, sensor: Sensor, rules: MaskRules
 ) -> Noise:
+    """The noise that `demodulate` finds in frames ``(N, H, W)``, without the maps."""
+    if sensor.noise_is_known:
+        return camera_noise(sensor)
+    sample = frames[:, noise_rows(frames.shape[1:])]
+    maps = _fit_frames(sample, solution, sensor.saturation)
+    return _noise_of(sample, maps, sensor=sensor, rules=rules)
+
+
+def _fit_frames(frames: Frames, solution: ShiftSolution, saturation: float) -> list[FloatMap]:
+    """Phase, offset, modulation, residual, and sigma of the phase per grey level of noise."""
+    maps = [np.empty(frames.shape[1:], np.float32) for _ in range(5)]
+    kernels.demodulate(
+        np.ascontiguousarray(frames),
+        solution.basis,
+        solution.solve,
+        solution.covariance,
+        saturation,
+        *maps,
+    )
+    return maps
+
+
+def _noise_of(frames: Frames, maps: Items[FloatMap], *, sensor: Sensor, rules: MaskRules) -> Noise:
     """The camera's own figures, else the residual of four frames or more, else high pass."""
+    phase, _, modulation, residual, _ = maps
+    lit = (modulation >= rules.least_modulation(sensor)) & np.isfinite(phase)
     freedom = len(frames) - 3
     if freedom > 0 and not sensor.noise_is_known:
-        used = np.where(use, residual, np.float32(np.nan))
+        used = np.where(lit, residual, np.float32(np.nan))
         if np.count_nonzero(np.isfinite(used)) >= LEAST_PIXELS:
             return residual_noise(used, freedom=freedom, black_level=sensor.black_level)
-    return image_noise(frames, use, sensor=sensor)
+    return image_noise(frames, lit, sensor=sensor)

@@ -30,11 +30,28 @@ SAMPLE = 10_000
 LEAST_PIXELS = 100
 """Fewer pixels than this are no sample of the noise."""
 
+ENOUGH_PIXELS = 1 << 19
+BAND_ROWS = 32
+"""Of larger images bands of rows are looked at: more pixels would tell one figure no better."""
+
 
 def camera_noise(sensor: Sensor) -> Noise:
     """Noise as measured by photon transfer, with the rounding of grey levels."""
     read = np.hypot(sensor.read_noise or 0.0, np.sqrt(QUANTISATION_VARIANCE))
     return Noise(float(read), sensor.gain or 0.0, sensor.black_level, "camera")
+
+
+def noise_rows(shape: tuple[int, ...]) -> slice | NDArray[np.intp]:
+    """Rows of an image ``(H, W)`` in which its noise is looked for: all, or evenly spread bands.
+
+    Rows that are not neighbours in the image become so: of 32 rows two have a difference too many.
+    """
+    height, width = shape
+    bands = max(ENOUGH_PIXELS // (BAND_ROWS * width), 1)
+    if bands * BAND_ROWS >= height or height * width <= ENOUGH_PIXELS:
+        return slice(None)
+    first = np.linspace(0, height - BAND_ROWS, bands).astype(np.intp)
+    return np.asarray((first[:, np.newaxis] + np.arange(BAND_ROWS)).ravel())
 
 
 def image_noise(frames: Frames, use: NDArray[np.bool_], *, sensor: Sensor) -> Noise:
