@@ -8,7 +8,9 @@ Each step is a pure function of one room; here they only follow each other.
 
 from __future__ import annotations
 
-from fringeworks.errors import ShapeError
+from dataclasses import replace
+
+from fringeworks.errors import ShapeError, UsageError
 from fringeworks.geometry.forms import (
     CylinderFit,
     PlaneFit,
@@ -19,12 +21,17 @@ from fringeworks.geometry.forms import (
 )
 from fringeworks.measure.board import BoardPlane, BoardSpacing, corner_spacing, fit_board
 from fringeworks.measure.region import Region, select_points
-from fringeworks.model import Capture, Cloud, ProjectorMap, Rig, Target
-from fringeworks.phase.decode import decode_capture
+from fringeworks.model import Axis, Capture, Cloud, ModelName, ProjectorMap, Rig, Target
+from fringeworks.phase.decode import Decoding, decode_phases
 from fringeworks.phase.demodulate import MaskRules
 from fringeworks.phase.methods import OrdersName
 from fringeworks.phase.window import volume_of
 from fringeworks.reconstruct.full import CloudRules, triangulate
+from fringeworks.reconstruct.fused import scan_fused
+from fringeworks.reconstruct.fused_plan import prepare_scan
+from fringeworks.reconstruct.geometric import triangulate_by_phase
+from fringeworks.reconstruct.masks import mask_edges
+from fringeworks.reconstruct.residual import fields_of, notice_fields, take_residuals
 
 
 def scan(
@@ -35,16 +42,51 @@ def scan(
     orders: OrdersName = "auto",
     mask_rules: MaskRules | None = None,
     cloud_rules: CloudRules | None = None,
+    model: ModelName = "full",
 ) -> Cloud:
-    """Capture to cloud, in the camera's frame, with the full model."""
+    """Capture to cloud, in the camera's frame; in one pass over the frames where that can be."""
     capture = capture.select(group)
+    if model == "full" and not fields_of(rig, model):
+        plan = prepare_scan(
+            capture, rig, orders=orders, mask_rules=mask_rules, cloud_rules=cloud_rules
+        )
+        cloud = None if plan is None else scan_fused(plan, capture, rig)
+        if plan is not None and cloud is not None:
+            return finish_cloud(cloud, rig, axis=plan.axis, rules=cloud_rules)
+    cloud, _ = scan_stages(
+        capture,
+        rig,
+        orders=orders,
+        mask_rules=mask_rules,
+        cloud_rules=cloud_rules,
+        model=model,
+    )
+    return cloud
+
+
+def scan_stages(
+    capture: Capture,
+    rig: Rig,
+    *,
+    orders: OrdersName = "auto",
+    mask_rules: MaskRules | None = None,
+    cloud_rules: CloudRules | None = None,
+    model: ModelName = "full",
+) -> tuple[Cloud, Decoding]:
+    """The same cloud one stage after the other, and what was decoded on the way."""
     volume = volume_of(rig, cloud_rules.z_range_mm if cloud_rules else None)
-    projector_map = decode_capture(capture, rules=mask_rules, orders=orders, volume=volume)
-    return cloud_of(capture, projector_map, rig, rules=cloud_rules)
+    decoding = decode_phases(capture, rules=mask_rules, orders=orders, volume=volume)
+    projector_map = decoding.projector_map()
+    return cloud_of(capture, projector_map, rig, rules=cloud_rules, model=model), decoding
 
 
 def cloud_of(
-    capture: Capture, projector_map: ProjectorMap, rig: Rig, *, rules: CloudRules | None = None
+    capture: Capture,
+    projector_map: ProjectorMap,
+    rig: Rig,
+    *,
+    rules: CloudRules | None = None,
+    model: ModelName = "full",
 ) -> Cloud:
     """The cloud of a capture that is decoded already.
 
@@ -52,6 +94,8 @@ def cloud_of(
     ------
     ShapeError
         The capture's projector is not of the size of the rig's; or as `triangulate`.
+    UsageError
+        The extended model is asked for and the rig has none; or as `triangulate_by_phase`.
     """
     shown, known = capture.sequence, rig.projector
     if (shown.width, shown.height) != (known.width, known.height):
@@ -59,9 +103,59 @@ def cloud_of(
             f"the capture's projector must be {known.width}x{known.height} like the rig's, "
             f"got {shown.width}x{shown.height}"
         )
-    return triangulate(
+    projector_map = take_residuals(projector_map, rig, model)
+    if model != "full":
+        cloud = _cloud_by_phase(capture, projector_map, rig, rules=rules, model=model)
+        return replace(cloud, findings=(*cloud.findings, *notice_fields(rig, model)))
+    cloud = triangulate(
         projector_map, rig, intensity=capture.white(), colour=capture.colour, rules=rules
     )
+    cloud = replace(cloud, findings=(*cloud.findings, *notice_fields(rig, model)))
+    alone = projector_map.axes[0].axis if len(projector_map.axes) == 1 else None
+    return finish_cloud(cloud, rig, axis=alone, rules=rules)
+
+
+def _cloud_by_phase(
+    capture: Capture,
+    projector_map: ProjectorMap,
+    rig: Rig,
+    *,
+    rules: CloudRules | None,
+    model: ModelName,
+) -> Cloud:
+    """By the paper's models; what its calibration leaves open is told of the full model alone."""
+    if model == "extended" and rig.extended is None:
+        raise UsageError(
+            "the rig has no extended parameters: calibrate with --extended map (or paper), or "
+            "scan with --model geometric or full"
+        )
+    cloud = triangulate_by_phase(
+        projector_map,
+        rig,
+        extended=rig.extended if model == "extended" else None,
+        intensity=capture.white(),
+        colour=capture.colour,
+        rules=rules,
+    )
+    edges = (rules or CloudRules()).edges
+    return cloud if edges is None else mask_edges(cloud, rig, edges)
+
+
+def finish_cloud(
+    cloud: Cloud, rig: Rig, *, axis: Axis | None = None, rules: CloudRules | None = None
+) -> Cloud:
+    """The triangulated cloud without its edges, and with what the calibration leaves open.
+
+    `axis` is the one that alone was used, None where both were.
+    """
+    rules = rules or CloudRules()
+    if rules.edges is not None:
+        cloud = mask_edges(cloud, rig, rules.edges)
+    if "covariance" not in rig.further:
+        return cloud
+    from fringeworks.uncertainty.points import add_systematic  # loads what calibrates
+
+    return add_systematic(cloud, rig, axis=rules.axis or axis)
 
 
 def measure_plane(cloud: Cloud, region: Region | None = None) -> PlaneFit:

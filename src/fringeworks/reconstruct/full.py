@@ -7,13 +7,12 @@ epipolar line is a free check of rig and decoding, and a pixel that misses it by
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.errors import DecodeError, ShapeError, UsageError
-from fringeworks.kernels.triangulate import triangulate as triangulate_kernel
 from fringeworks.model import (
     Axis,
     Cloud,
@@ -22,9 +21,12 @@ from fringeworks.model import (
     FloatMap,
     Frames,
     ProjectorMap,
+    Reason,
     Rig,
     Void,
 )
+from fringeworks.reconstruct.masks import EdgeRules, reasons_of
+from fringeworks.reconstruct.table import solve_points
 
 EPIPOLAR_SIGMAS = 8.0
 EPIPOLAR_FLOOR_PX = 2.0
@@ -50,11 +52,17 @@ class CloudRules:
     epipolar_px
         Largest distance from the epipolar line, projector px, where both axes are used; None
         takes the larger of 2 px and 8 sigma.
+    edges
+        What `masks.mask_edges` takes out afterwards; None leaves mixed pixels in.
+    exact
+        Solve the full model at every pixel, and do not take its table, which is the same to 1 um.
     """
 
     axis: Axis | None = None
     z_range_mm: tuple[float, float] | None = None
     epipolar_px: float | None = None
+    edges: EdgeRules | None = field(default_factory=EdgeRules)
+    exact: bool = False
 
 
 def triangulate(
@@ -86,60 +94,80 @@ def triangulate(
         No point is left, or most of them miss their epipolar line.
     """
     rules = rules or CloudRules()
+    check_size(projector_map, rig)
+    expected = projector_map.shape
+    window = depth_window(rig, rules)
+    column, row = _chosen_axes(projector_map, rules.axis)
+    axes = [_measured(axis, expected) for axis in (column, row)]
+    xyz, sigma, epipolar = solve_points(
+        np.stack([coordinate for coordinate, _ in axes]),
+        np.stack([spread for _, spread in axes]),
+        rig,
+        window,
+        exact=rules.exact,
+    )
+    found = notice_misfits(projector_map)
+    reason = reasons_of([coordinate for coordinate, _ in axes], sigma)
+    if column is not None and row is not None:
+        off = np.abs(epipolar) > _epipolar_limit(column, row, rules)
+        found += _notice_epipolar(off, np.isfinite(sigma))
+        xyz[off], sigma[off], epipolar[off] = np.nan, np.nan, np.nan
+        reason[off] = Reason.OFF_LINE
+    if not np.isfinite(sigma).any():
+        raise DecodeError(no_point_message(projector_map, window))
+    shade = projector_map.axes[0].offset if intensity is None else intensity
+    return Cloud(
+        xyz,
+        sigma,
+        shade,
+        epipolar,
+        colour,
+        scale_sigma=rig.scale_sigma,
+        findings=found,
+        reason=reason,
+    )
+
+
+def check_size(projector_map: ProjectorMap, rig: Rig) -> None:
+    """Raise `ShapeError` where the map is not of the size of the rig's camera."""
     expected = (rig.camera.height, rig.camera.width)
     if projector_map.shape != expected:
         raise ShapeError(
             f"the capture must be {expected[1]}x{expected[0]} like the rig's camera, "
             f"got {projector_map.shape[1]}x{projector_map.shape[0]}"
         )
-    window = _depth_window(rig, rules)
-    column, row = _chosen_axes(projector_map, rules.axis)
-    axes = [_measured(axis, expected) for axis in (column, row)]
-    xyz = np.empty((*expected, 3), np.float32)
-    sigma, epipolar = np.empty(expected, np.float32), np.empty(expected, np.float32)
-    pose = rig.projector_from_camera
-    triangulate_kernel(
-        np.stack([coordinate for coordinate, _ in axes]),
-        np.stack([spread for _, spread in axes]),
-        rig.camera.lens.vector,
-        rig.projector.lens.vector,
-        np.ascontiguousarray(pose.rotation),
-        np.ascontiguousarray(pose.translation_mm),
-        window,
-        xyz,
-        sigma,
-        epipolar,
-    )
-    found = _notice_misfits(projector_map)
-    if column is not None and row is not None:
-        off = np.abs(epipolar) > _epipolar_limit(column, row, rules)
-        found += _notice_epipolar(off, np.isfinite(sigma))
-        xyz[off], sigma[off], epipolar[off] = np.nan, np.nan, np.nan
-    if not np.isfinite(sigma).any():
-        raise DecodeError(_no_point_message(projector_map, window))
-    shade = projector_map.axes[0].offset if intensity is None else intensity
-    return Cloud(xyz, sigma, shade, epipolar, colour, scale_sigma=rig.scale_sigma, findings=found)
 
 
-def _notice_misfits(projector_map: ProjectorMap) -> tuple[Finding, ...]:
+def notice_misfits(projector_map: ProjectorMap) -> tuple[Finding, ...]:
     """Frames that fit no sinusoid void pixels one by one; where they are many, that is told."""
     for axis in projector_map.axes:
         misfits = int(np.count_nonzero(axis.void == Void.RESIDUAL))
-        share = misfits / max(misfits + int(np.count_nonzero(np.isfinite(axis.coordinate))), 1)
-        if share > NOTABLE_MISFITS:
-            message = (
-                f"{share:.0%} of the pixels with fringes along {axis.axis} are void because their "
-                "frames do not fit a sinusoid:"
-            )
-            remedy = (
-                "the projector's gamma, frames out of order or out of step, or motion. Use the "
-                "projector's linear mode; three steps show no misfit, and bend the surface instead."
-            )
-            return (Finding("warning", message, remedy),)
+        found = misfit_finding(
+            axis.axis, misfits, int(np.count_nonzero(np.isfinite(axis.coordinate)))
+        )
+        if found:
+            return found
     return ()
 
 
-def _depth_window(rig: Rig, rules: CloudRules) -> tuple[float, float]:
+def misfit_finding(axis: Axis, misfits: int, decoded: int) -> tuple[Finding, ...]:
+    """What to say of as many misfits beside as many pixels that were decoded along an axis."""
+    share = misfits / max(misfits + decoded, 1)
+    if share <= NOTABLE_MISFITS:
+        return ()
+    message = (
+        f"{share:.0%} of the pixels with fringes along {axis} are void because their frames do "
+        "not fit a sinusoid:"
+    )
+    remedy = (
+        "the projector's gamma, frames out of order or out of step, or motion. Use the "
+        "projector's linear mode; three steps show no misfit, and bend the surface instead."
+    )
+    return (Finding("warning", message, remedy),)
+
+
+def depth_window(rig: Rig, rules: CloudRules) -> tuple[float, float]:
+    """Depths, mm, that the rules keep, or the rig's volume, or all; UsageError where empty."""
     window = rules.z_range_mm or rig.z_window() or (0.0, math.inf)
     if not window[0] < window[1]:
         raise UsageError(f"z-range must rise, MIN:MAX in mm, got {window[0]:g}:{window[1]:g}")
@@ -192,7 +220,8 @@ def _notice_epipolar(off: NDArray[np.bool_], in_window: NDArray[np.bool_]) -> tu
     )
 
 
-def _no_point_message(projector_map: ProjectorMap, window: tuple[float, float]) -> str:
+def no_point_message(projector_map: ProjectorMap, window: tuple[float, float]) -> str:
+    """What to say of a map that gives no point in the window."""
     shares = ", ".join(f"{axis.axis}: {axis.valid_share:.1%}" for axis in projector_map.axes)
     return (
         f"no pixel gives a point between z = {window[0]:g} and {window[1]:g} mm "
