@@ -79,7 +79,8 @@ BOARD = (
 )
 DEVICES = (
     "at no fixed places of the board: a lens beyond the model, or something that moved",
-    "Take deviations of smooth shape for the rig's, and calibrate at the depth that you measure.",
+    "Take deviations of smooth shape for the rig's, calibrate at the depth that you measure, and "
+    "try a residual field (--residual auto).",
 )
 
 
@@ -108,12 +109,12 @@ def find_structure(state: RigState, views: Sequence[View]) -> Structure:
     view_of = np.repeat(np.arange(len(views)), [len(part) for part in boards])
     camera = np.concatenate([view.sites.camera_px for view in views])
     projector = np.concatenate([view.sites.projector_px for view in views])
-    in_view = _cells(board, CELLS_IN_VIEW) + CELLS_IN_VIEW**2 * view_of
+    in_view = lay_cells(board, CELLS_IN_VIEW) + CELLS_IN_VIEW**2 * view_of
     return Structure(
         in_views=_excess(score, in_view),
-        on_board=_excess(score, _cells(board, CELLS)),
-        in_camera=_excess(score, _cells(camera, CELLS)),
-        in_projector=_excess(score, _cells(projector, CELLS)),
+        on_board=_excess(score, lay_cells(board, CELLS)),
+        in_camera=_excess(score, lay_cells(camera, CELLS)),
+        in_projector=_excess(score, lay_cells(projector, CELLS)),
     )
 
 
@@ -133,7 +134,7 @@ def _scores(residuals: Array) -> Array:
     return np.asarray(clipped / np.sqrt(np.mean(clipped**2, axis=0)))
 
 
-def _cells(places: Array, across: int) -> NDArray[np.intp]:
+def lay_cells(places: Array, across: int) -> NDArray[np.intp]:
     """``(m,)`` which of `across` times `across` equal cells over all places each one is in."""
     low, high = places.min(axis=0), places.max(axis=0)
     cell = np.minimum((places - low) / (high - low) * across, across - 1).astype(np.intp)

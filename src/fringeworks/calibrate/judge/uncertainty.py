@@ -17,6 +17,7 @@ what is wrong with the model: `halves` looks for that.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,16 @@ Array = NDArray[np.float64]
 DEPTHS, ROWS, COLUMNS = 3, 16, 24
 MIDDLE = 1
 """Index of the middle one of the depths."""
+
+
+class SeenPoints(Protocol):
+    """Points ``(n, 3)``, mm, in the camera's frame, and the camera's pixels ``(n, 2)`` of them."""
+
+    @property
+    def points(self) -> Array: ...
+
+    @property
+    def camera_px(self) -> Array: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,32 +146,43 @@ def lay_field(rig: Rig) -> Field:
     )
 
 
-def triangulate_points(state: RigState, camera_px: Array, projector_px: Array) -> Array:
+def triangulate_points(
+    state: RigState,
+    camera_px: Array,
+    projector_px: Array,
+    *,
+    weights: tuple[float, float] = (1.0, 1.0),
+) -> Array:
     """``(n, 3)`` mm, camera frame, of pixels ``(n, 2)`` that both devices see.
 
-    As `reconstruct` does with both axes alike in weight; NaN where that finds no depth.
+    As `reconstruct` does with these weights of column and row; NaN where that finds no depth.
     """
     rays = np.column_stack([unproject(camera_px, state.camera), np.ones(len(camera_px))])
     turned = rays @ rotation_matrix(state.projector_from_camera[:3]).T
     shift = np.ascontiguousarray(state.projector_from_camera[3:])
     lens = np.ascontiguousarray(state.projector)
     depths = [
-        solve_depth(tuple(ray), shift, tuple(seen), (1.0, 1.0), lens)[0]
+        solve_depth(tuple(ray), shift, tuple(seen), weights, lens)[0]
         for ray, seen in zip(turned.tolist(), projector_px.tolist(), strict=True)
     ]
     return np.asarray(rays * np.array(depths)[:, None])
 
 
-def points_by_parameters(state: RigState, field: Field) -> Array:
+def points_by_parameters(
+    state: RigState, field: SeenPoints, *, weights: tuple[float, float] = (1.0, 1.0)
+) -> Array:
     """``(n, 3, SHARED)`` derivative of the field's points by what all views share, pixels fixed.
 
-    With p(theta, z) the projector's pixel along the ray, p' its derivative by the depth z, and
-    both axes alike in weight, ``dz = -(p' . dp) / (p' . p')``, exact where p meets the measured
-    pixel. The point is z d(theta), d the ray.
+    With p(theta, z) the projector's pixel along the ray and p' its derivative by the depth z, each
+    axis times the root of its weight, ``dz = -(p' . dp) / (p' . p')``, exact where p meets the
+    measured pixel. The point is z d(theta), d the ray. `weights` are of column and row: 1 / sigma^2
+    up to a factor, zero for an axis that was not used.
     """
     ideal, ideal_by_lens = unproject_jacobian(field.camera_px, state.camera)
     rays, depth = np.column_stack([ideal, np.ones(len(ideal))]), field.points[:, 2]
     by_place, pixels = _projector_by_parameters(state, field.points)
+    root = np.sqrt(np.array(weights))[:, None]
+    by_place, pixels = by_place * root, pixels * root
     slide = depth[:, None, None] * ideal_by_lens
     pixels[..., CAMERA] = by_place[..., :2] @ slide
     along = np.einsum("nij,nj->ni", by_place, rays)

@@ -1,0 +1,1 @@
+"""The ten parameters fitted to the boards of a calibration, and what planes tell of them."""
