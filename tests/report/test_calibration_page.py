@@ -12,10 +12,11 @@ import pytest
 from fringeworks.calibrate import ImageSize, calibrate_rig
 from fringeworks.calibrate.adjust.covariance import KEY as COVARIANCE_KEY
 from fringeworks.calibrate.adjust.covariance import Covariance, read_covariance
+from fringeworks.calibrate.extended.words import FIT_KEY
 from fringeworks.calibrate.judge.halves import Halves
 from fringeworks.calibrate.judge.uncertainty import lay_field, pixel_sigma, point_sigma
 from fringeworks.errors import FormatError
-from fringeworks.model import Rig
+from fringeworks.model import Extended, Rig
 from fringeworks.report.blocks import Details, Numbers, Page, Picture, Table, Text
 from fringeworks.report.calibration_page import make_calibration_page
 from fringeworks.report.judgement import Judged, judge_calibration, summarise_judged
@@ -244,3 +245,20 @@ def test_a_browser_shows_it_without_asking_for_anything(
     assert visit.requests == set()
     lower = visit.picture[1500:]
     assert lower.std() > 10, "below the first screen there is something to see"
+
+
+def test_the_ten_parameters_have_a_section_where_they_were_fitted(rig: Rig, page: Page) -> None:
+    heading = "The paper's ten parameters"
+    assert heading not in [section.heading for section in page.sections]
+    fit = {
+        "parameters": dict.fromkeys(Extended.NAMES, 0.0) | {"C1": 0.125},
+        "sigma": {"C1": 0.02},
+        "words": ["no plane tells Ku0", "rank 7 of 10"],
+    }
+    kept = replace(rig, further={**rig.further, FIT_KEY: fit})
+    text, table = blocks_under(make_calibration_page(judge_calibration(kept)), heading)
+    assert isinstance(text, Text)
+    assert text.words == "No plane tells Ku0.\n\nRank 7 of 10."
+    assert isinstance(table, Table)
+    assert list(table.rows[0]) == ["C1", "mm", "0.125", "0.02"]
+    assert table.rows[1][3] == "held at 0"

@@ -20,6 +20,7 @@ from fringeworks.model import (
     CodedAxis,
     Fringe,
     Noise,
+    Reason,
     Rig,
     Void,
     WrappedPhase,
@@ -114,6 +115,20 @@ def test_a_cloud(tmp_path: Path) -> None:
     xyz[:100, :100] = np.nan
     drawn = names(save_cloud(cloud_of(xyz, epipolar=0.1), tmp_path))
     assert drawn == {"depth", "sigma_mm", "epipolar_px", "cloud"}
+
+
+def test_a_cloud_that_knows_more_of_its_points(tmp_path: Path) -> None:
+    cloud = cloud_of(plane_points(RIG, (0.0, -0.2588190451, -0.9659258263), -760.0))
+    reason = np.zeros(cloud.sigma_mm.shape, np.uint8)
+    reason[:20], reason[30:33] = Reason.NOT_DECODED, Reason.MIXED
+    cloud = dataclasses.replace(cloud, systematic_mm=3 * cloud.sigma_mm, reason=reason)
+    drawn = names(save_cloud(cloud, tmp_path))
+    assert drawn == {"depth", "sigma_mm", "systematic_mm", "reasons", "cloud"}
+    summary = summarise_cloud(cloud)
+    assert summary["systematic_mm_median"] == pytest.approx(0.15)
+    assert summary["reasons"] == pytest.approx(
+        {"not decoded": 20 / 480, "at an edge, seeing both sides of it": 3 / 480}
+    )
 
 
 @pytest.mark.parametrize(("shape", "count"), [((4, 5), 1), ((4, 5), 20), ((1, 7), 7)])

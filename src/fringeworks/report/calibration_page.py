@@ -5,8 +5,10 @@ It is made from the rig alone, whose file keeps the observations and the covaria
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
+from fringeworks.calibrate.extended.words import FIT_KEY, UNITS
 from fringeworks.calibrate.judge.halves import LARGEST_RATIO
 from fringeworks.calibrate.judge.uncertainty import MIDDLE, pixel_sigma, point_sigma
 from fringeworks.calibrate.record import CalibrationRecord, ViewRecord
@@ -52,9 +54,31 @@ def make_calibration_page(judged: Judged) -> Page:
         Section("How well points and pixels are known", list(_uncertainty(judged))),
         Section("Two halves of the views", list(_halves(judged))),
         Section("Parameters", list(_parameters(judged))),
+        *_extended(judged.rig.further.get(FIT_KEY)),
         Section("All numbers", [Details("calibration.json", summarise_judged(judged))]),
     ]
     return Page("Calibration of camera and projector", _lead(judged), sections)
+
+
+def _extended(fit: Mapping[str, Any] | None) -> Iterator[Section]:
+    """What `calibrate --extended` found, if it was asked."""
+    if fit is None:
+        return
+    rows = [
+        (name, unit, f"{fit['parameters'][name]:.5g}", _told(fit["sigma"].get(name)))
+        for name, unit in ((name, UNITS[name]) for name in fit["parameters"])
+    ]
+    yield Section(
+        "The paper's ten parameters",
+        [
+            Text("\n\n".join(f"{line[0].upper()}{line[1:]}." for line in fit["words"])),
+            Table(("parameter", "unit", "value", "1 sd"), rows, numbers=(2, 3)),
+        ],
+    )
+
+
+def _told(sigma: float | None) -> str:
+    return "held at 0" if sigma is None else f"{sigma:.2g}"
 
 
 def _lead(judged: Judged) -> str:

@@ -8,19 +8,29 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from fringeworks.model import Cloud
+from fringeworks.model import Cloud, Reason
+from fringeworks.model.cloud import REASON_WORDS
 from fringeworks.report.canvas import Shade, map_figure, save_figures
+from fringeworks.report.decoding import draw_rules
 from fringeworks.report.solid import draw_solid
 
 DEPTH = Shade("depth z, mm", "viridis_r")
 """What is near is light, as a lamp at the camera would show it."""
 
+REASON_COLOURS = {
+    Reason.NOT_DECODED: "0.55",
+    Reason.OFF_LINE: "#cc79a7",
+    Reason.OUTSIDE: "#56b4e9",
+    Reason.MIXED: "#d55e00",
+    Reason.GRAZING: "#e69f00",
+}
+
 
 def save_cloud(cloud: Cloud, folder: Path) -> list[Path]:
     """Draw a cloud into `folder`; returns the paths.
 
-    ``depth.png``, ``sigma_mm.png``, ``cloud.png``, and ``epipolar_px.png`` where both axes were
-    used.
+    ``depth.png``, ``sigma_mm.png``, ``cloud.png``, ``epipolar_px.png`` where both axes were used,
+    ``systematic_mm.png`` where the rig tells it, ``reasons.png`` where they are kept.
     """
     return save_figures(draw_cloud(cloud), folder)
 
@@ -34,6 +44,13 @@ def draw_cloud(cloud: Cloud) -> Iterator[tuple[str, Figure]]:
     )
     if np.isfinite(cloud.epipolar_px).any():
         yield "epipolar_px", _draw_epipolar(cloud)
+    if cloud.systematic_mm is not None and np.isfinite(cloud.systematic_mm).any():
+        shade = Shade("systematic sigma of z, mm", "plasma")
+        yield "systematic_mm", map_figure(cloud.systematic_mm, shade, "what the rig leaves open")
+    if cloud.reason is not None:
+        rules = (REASON_WORDS, REASON_COLOURS)
+        title = "pixels without a point"
+        yield "reasons", draw_rules(cloud.reason, cloud.intensity, title, rules=rules)
     yield "cloud", draw_solid(cloud, DEPTH)
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.colors import to_rgb
@@ -110,14 +111,24 @@ def _draw_order(phase: AbsolutePhase) -> Figure:
 
 def draw_voids(void: VoidMap, offset: FloatMap, title: str) -> Figure:
     """Which rule made each pixel void, over a pale image of the scene, with every rule's share."""
+    return draw_rules(void, offset, title, rules=(VOID_WORDS, VOID_COLOURS))
+
+
+def draw_rules(
+    void: VoidMap,
+    offset: FloatMap,
+    title: str,
+    *,
+    rules: tuple[Mapping[Any, str], Mapping[Any, str]],
+) -> Figure:
+    """As `draw_voids`, by the words and colours of these rules; zero is valid."""
     figure = new_figure(map_height_in((void.shape[0], void.shape[1]), share=0.66))
     axes = figure.add_subplot()
-    axes.imshow(_paint_voids(void, offset))
+    axes.imshow(_paint_voids(void, offset, rules[1]))
     label_pixels(axes)
     axes.set_title(title, loc="left")
-    counts = {rule: int(np.count_nonzero(void == rule)) for rule in Void}
-    words = {Void.VALID: "valid", **VOID_WORDS}
-    colours = {Void.VALID: "white", **VOID_COLOURS}
+    words, colours = {0: "valid", **rules[0]}, {0: "white", **rules[1]}
+    counts = {rule: int(np.count_nonzero(void == rule)) for rule in words}
     handles = [
         Patch(
             facecolor=colours[rule],
@@ -131,13 +142,15 @@ def draw_voids(void: VoidMap, offset: FloatMap, title: str) -> Figure:
     return figure
 
 
-def _paint_voids(void: VoidMap, offset: FloatMap) -> NDArray[np.float32]:
+def _paint_voids(
+    void: VoidMap, offset: FloatMap, colours: Mapping[Any, str]
+) -> NDArray[np.float32]:
     """RGB in [0, 1]: the rules' colours on the scene in pale grey."""
     low, high = robust_limits(offset)
     brightness = np.clip((offset - low) / (high - low), 0, 1) ** 0.6
     pale = 1 - PALE_CONTRAST * (1 - brightness)
     painted = np.repeat(pale[..., None], 3, axis=-1).astype(np.float32)
-    for rule, colour in VOID_COLOURS.items():
+    for rule, colour in colours.items():
         painted[void == rule] = to_rgb(colour)
     return painted
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from fringeworks.geometry.forms import CylinderFit, PlaneFit, SphereFit
 from fringeworks.model import Cloud, CodedAxis, Lens, Noise, Rig, Void, WrappedPhase
+from fringeworks.model.cloud import REASON_WORDS, ReasonMap
 from fringeworks.model.phase import VOID_WORDS, VoidMap
 from fringeworks.phase.decode import Decoding
 
@@ -91,8 +92,22 @@ def summarise_cloud(cloud: Cloud) -> Summary:
         "frame": cloud.frame,
         "z_mm": {"p1": float(low), "median": float(np.median(points[:, 2])), "p99": float(high)},
         "sigma_mm_median": _median(cloud.sigma_mm),
+        "systematic_mm_median": None
+        if cloud.systematic_mm is None
+        else _median(cloud.systematic_mm[cloud.valid]),
+        "reasons": {} if cloud.reason is None else _reason_shares(cloud.reason),
         "epipolar_rms_px": float(np.sqrt(np.mean(epipolar**2))) if epipolar.size else None,
         "scale_sigma": cloud.scale_sigma,
+    }
+
+
+def _reason_shares(reason: ReasonMap) -> dict[str, float]:
+    """Share of all pixels that have no point for each reason, by its words; zeros left out."""
+    counts = np.bincount(reason.ravel(), minlength=len(REASON_WORDS) + 1)
+    return {
+        words: float(counts[why] / reason.size)
+        for why, words in REASON_WORDS.items()
+        if counts[why]
     }
 
 
