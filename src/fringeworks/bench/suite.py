@@ -5,23 +5,44 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 from fringeworks.bench.accuracy import measure_accuracy
+from fringeworks.bench.folder import measure_folder
 from fringeworks.bench.metric import Metric
+from fringeworks.bench.models import measure_models
 from fringeworks.bench.process import measure_process
+from fringeworks.bench.scan import measure_scan
 from fringeworks.bench.spatial import measure_spatial
 from fringeworks.bench.speed import measure_speed
+from fringeworks.bench.stream import measure_stream
+from fringeworks.bench.uncertainty import measure_uncertainty
 from fringeworks.errors import UsageError
 from fringeworks.model import Progress, no_progress
 
 
+def measure_all_accuracy(*, quick: bool = False) -> list[Metric]:
+    """Phases and orders, then whether clouds tell their own uncertainty."""
+    return [*measure_accuracy(quick=quick), *measure_uncertainty(quick=quick)]
+
+
 def measure_all_speed(*, quick: bool = False) -> list[Metric]:
-    """Demodulation, then spatial unwrapping."""
-    return [*measure_speed(quick=quick), *measure_spatial(quick=quick)]
+    """Demodulation, frames to cloud, streams, spatial unwrapping, the paper's models and fit."""
+    return [
+        *measure_speed(quick=quick),
+        *measure_scan(quick=quick),
+        *measure_stream(quick=quick),
+        *measure_spatial(quick=quick),
+        *measure_models(quick=quick),
+    ]
+
+
+def measure_all_processes(*, quick: bool = False) -> list[Metric]:
+    """Whole commands, then a folder of large images to a cloud file."""
+    return [*measure_process(quick=quick), *measure_folder(quick=quick)]
 
 
 GROUPS: dict[str, Callable[..., list[Metric]]] = {
-    "accuracy": measure_accuracy,
+    "accuracy": measure_all_accuracy,
     "speed": measure_all_speed,
-    "process": measure_process,
+    "process": measure_all_processes,
 }
 """The first part of a metric's key, and what measures it."""
 

@@ -72,7 +72,7 @@ def settle_allocator() -> None:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Hold OpenCV and numba to one thread. The package's own kernels never use more."""
+    """Hold OpenCV and numba to one thread. Of the package itself a large `scan` takes more."""
     import cv2
     import numba
 

@@ -43,7 +43,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Still:
-    """A scene captured without noise and decoded, with its truth."""
+    """A scene captured and decoded, without noise unless `effects` say so, with its truth."""
 
     scene: Scene
     capture: Capture
@@ -51,8 +51,16 @@ class Still:
     truth: Truth
 
     @classmethod
-    def of(cls, scene: Scene, rig: Rig, sequence: Sequence) -> Still:
-        effects, rng = Effects().without_noise(), np.random.default_rng(0)
+    def of(
+        cls,
+        scene: Scene,
+        rig: Rig,
+        sequence: Sequence,
+        *,
+        effects: Effects | None = None,
+        seed: int = 0,
+    ) -> Still:
+        effects, rng = effects or Effects().without_noise(), np.random.default_rng(seed)
         made = simulate(scene, rig, sequence, effects=effects, rng=rng)
         return cls(scene, made.capture, decode_capture(made.capture), made.truth)
 

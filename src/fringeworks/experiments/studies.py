@@ -7,11 +7,18 @@ from types import MappingProxyType
 
 from fringeworks.errors import UsageError
 from fringeworks.experiments.calibrations import study_calibrations
+from fringeworks.experiments.extended_study import study_extended
+from fringeworks.experiments.models import study_models
 from fringeworks.experiments.orders import study_orders
 from fringeworks.experiments.study import StudyMaker
 
 STUDIES: Mapping[str, StudyMaker] = MappingProxyType(
-    {"calibration": study_calibrations, "orders": study_orders}
+    {
+        "calibration": study_calibrations,
+        "extended": study_extended,
+        "models": study_models,
+        "orders": study_orders,
+    }
 )
 
 
