@@ -52,6 +52,25 @@ def test_the_model_is_in_the_file_and_in_json(arguments: list[Path | str], poses
     assert sum(corners) == said["paper"]["printed_kept"] + said["paper"]["projected_kept"]
 
 
+@pytest.mark.parametrize(("mode", "points"), [("map", 10000), ("paper", 264)])
+def test_the_ten_are_fitted_to_the_boards(
+    arguments: list[Path | str], tmp_path: Path, mode: str, points: int
+) -> None:
+    """By all bright pixels, or by the 264 printed corners; these captures have one fringe."""
+    out = tmp_path / "rig.json"
+    changed = [out if str(part).endswith("rig.json") else part for part in arguments]
+    done = run(*changed, "--extended", mode)
+    assert done.exit_code == 0, done.stderr
+    assert f"extended model, fitted by {mode}" in done.stdout
+    assert "no plane tells Ku0 by itself" in done.stdout
+    said = json.loads(run(*changed, "--extended", mode, "--json").stdout)["extended"]
+    kept = json.loads(out.read_text(encoding="utf-8"))["extended"]
+    assert kept == {"axis": "x", "period_px": 638.4, **said["parameters"]}
+    assert said["points"] == points if mode == "paper" else said["points"] > points
+    assert said["planes"] == 3
+    assert said["rms_mm"] < said["rms_before_mm"]
+
+
 def test_figure_5_is_drawn(arguments: list[Path | str], tmp_path: Path) -> None:
     """Points of both devices' scatter, in colour on white; the same three boards in space."""
     done = run(*arguments, "--figures", tmp_path / "figures", "--report", tmp_path / "page.html")

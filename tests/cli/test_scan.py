@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from fringeworks.files import read_cloud
+from fringeworks.files import read_capture, read_cloud, read_rig, write_capture, write_rig
+from fringeworks.model import Extended
+from fringeworks.patterns import frequency_ladder
 from tests.cli.scenes import PLANE_MM, PLANE_NORMAL, run
 
 Scan = tuple[Path, Path]
@@ -66,6 +69,34 @@ def test_one_axis_alone(plane_scan: Scan, tmp_path: Path) -> None:
     assert done.exit_code == 0, done.stderr
     assert json.loads(done.stdout)["epipolar_rms_px"] is None
     assert measure(tmp_path / "c.npz")["offset_mm"] == pytest.approx(PLANE_MM, abs=0.01)
+
+
+@pytest.fixture(scope="module")
+def shallow(plane_scan: Scan, tmp_path_factory: pytest.TempPathFactory) -> Scan:
+    """The capture along x alone, and a rig that knows its volume, so that it has a table."""
+    folder, read = tmp_path_factory.mktemp("shallow"), read_capture(plane_scan[0])
+    along_x = [n for n, item in enumerate(read.sequence.sets) if "'x'" in repr(item.pattern)]
+    sequence = replace(read.sequence, sets=tuple(read.sequence.sets[n] for n in along_x))
+    frames = tuple(read.frames[n] for n in along_x)
+    write_capture(replace(read, sequence=sequence, frames=frames), folder / "plane")
+    write_rig(folder / "rig.json", replace(read_rig(plane_scan[1]), volume_mm=(700.0, 900.0)))
+    return folder / "plane", folder / "rig.json"
+
+
+@pytest.mark.parametrize("way", ["--exact", "--figures"])
+def test_other_ways_lead_to_the_same_points(shallow: Scan, tmp_path: Path, way: str) -> None:
+    """Solving every pixel, and stopping where there is something to draw; not bit for bit."""
+    capture, rig = shallow
+    options = [way] if way == "--exact" else [way, tmp_path / "figures"]
+    clouds = []
+    for name, more in (("table.npz", []), ("other.npz", options)):
+        done = run("scan", capture, "--rig", rig, "--out", tmp_path / name, *more)
+        assert done.exit_code == 0, done.stderr
+        clouds.append(read_cloud(tmp_path / name))
+    table, other = clouds
+    np.testing.assert_array_equal(table.reason, other.reason)
+    np.testing.assert_allclose(table.xyz, other.xyz, rtol=0, atol=1e-3)
+    assert (table.xyz[table.valid] != other.xyz[table.valid]).any()
 
 
 def test_a_depth_range(plane_scan: Scan, tmp_path: Path) -> None:
@@ -136,3 +167,32 @@ def test_pixels_need_the_grid(cloud: Path, tmp_path: Path) -> None:
     done = run("measure", "plane", tmp_path / "cloud.ply", "--pixels", "0:9,0:9")
     assert done.exit_code == 2
     assert "on the camera's grid" in done.stderr
+
+
+def test_the_papers_models(plane_scan: Scan, tmp_path: Path) -> None:
+    """The finest fringes are of the ladder's last period; without distortion of the projector in
+    the model the plane of this rig is bent. All ten at zero change nothing."""
+    capture, rig = plane_scan
+    out = tmp_path / "c.npz"
+    geometric = run("scan", capture, "--rig", rig, "--out", out, "--model", "geometric", "--json")
+    assert geometric.exit_code == 0, geometric.stderr
+    assert json.loads(geometric.stdout)["epipolar_rms_px"] is None
+    bent, points = measure(out)["form_rms_mm"], read_cloud(out).xyz
+    assert bent > 0.1
+    lacking = run("scan", capture, "--rig", rig, "--out", out, "--model", "extended")
+    assert lacking.exit_code == 2
+    assert "no extended parameters: calibrate with --extended map" in lacking.stderr
+    read = read_rig(rig)
+    finest = frequency_ladder(read.projector.width)[-1]
+    write_rig(tmp_path / "zeros.json", replace(read, extended=Extended("x", finest)))
+    done = run(
+        "scan", capture, "--rig", tmp_path / "zeros.json", "--out", out, "--model", "extended"
+    )
+    assert done.exit_code == 0, done.stderr
+    np.testing.assert_array_equal(read_cloud(out).xyz, points)
+    write_rig(tmp_path / "other.json", replace(read, extended=Extended("x", finest + 1)))
+    other = run(
+        "scan", capture, "--rig", tmp_path / "other.json", "--out", out, "--model", "extended"
+    )
+    assert other.exit_code == 2
+    assert "the rig's extended parameters belong to fringes of" in other.stderr

@@ -12,6 +12,7 @@ from fringeworks import __version__
 from fringeworks.cli.acquire import acquire
 from fringeworks.cli.bench import bench
 from fringeworks.cli.board import board
+from fringeworks.cli.budget import budget
 from fringeworks.cli.calibrate import calibrate
 from fringeworks.cli.decode import decode
 from fringeworks.cli.demo import demo
@@ -39,6 +40,7 @@ ALONG_THE_LINE = (
     "decode",
     "scan",
     "measure",
+    "budget",
     "demo",
     "bench",
 )
@@ -150,6 +152,11 @@ _add(
     example="scan capture/ --rig rig.json --out cloud.ply --z-range 500:900",
 )
 app.add_typer(measure)
+_add(
+    budget,
+    short="Where the uncertainty comes from, over depth.",
+    example="budget --rig rig.json --out figures/",
+)
 _add(
     demo,
     short="The whole loop, simulated and on a real capture.",

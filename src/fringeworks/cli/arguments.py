@@ -61,11 +61,6 @@ def refuse_planned(value: str | None, param: typer.CallbackParam) -> None:
         raise UsageError(f"{param.opts[0]} is planned and not built yet")
 
 
-def refuse_planned_flag(value: bool, param: typer.CallbackParam) -> None:
-    """The same for an option without a value."""
-    refuse_planned("" if value else None, param)
-
-
 def require_built(option: str, value: str, *, built: str, planned: tuple[str, ...]) -> None:
     """Of several names that are fixed only `built` exists so far."""
     if value in planned:

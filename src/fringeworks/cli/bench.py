@@ -23,8 +23,8 @@ def bench(
         str | None,
         typer.Argument(
             metavar="[STUDY]",
-            help="A study in place of the metrics: calibration (minutes). A second run goes on "
-            "where the first was cut off.",
+            help="A study in place of the metrics: calibration, orders, models, extended. Minutes "
+            "each; a second run goes on where the first was cut off (extended starts anew).",
         ),
     ] = None,
     quick: Annotated[

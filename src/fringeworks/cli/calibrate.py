@@ -5,13 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from fringeworks.cli.arguments import GroupOption, require_built
+from fringeworks.cli.arguments import GroupOption
+from fringeworks.cli.extended import describe_extended, fit_captures, with_fit
 from fringeworks.cli.output import JsonFlag, Output, Progress, print_note
+from fringeworks.cli.residual import choose_residual, describe_residual
+from fringeworks.cli.rig import print_lens, print_pose
 from fringeworks.errors import UsageError
 
 if TYPE_CHECKING:
@@ -20,6 +24,8 @@ if TYPE_CHECKING:
 
 BoardShape = Literal["flat", "paraboloid"]
 Model = Literal["joint", "paper"]
+Extension = Literal["none", "map", "paper"]
+Residual = Literal["none", "auto"]
 
 
 def calibrate(
@@ -59,15 +65,29 @@ def calibrate(
             "paper-calibrate).",
         ),
     ] = "joint",
+    extended: Annotated[
+        Extension,
+        typer.Option(
+            "--extended",
+            help="Fit the paper's ten parameters to the boards' planes, for scan --model extended: "
+            "map with priors, paper the six it found, by feature points; x, else y.",
+        ),
+    ] = "none",
+    residual: Annotated[
+        Residual,
+        typer.Option(
+            "--residual",
+            help="auto: a smooth field of what each model leaves, taken from the coordinates of "
+            "every scan, where views that it was not fitted to gain by it.",
+        ),
+    ] = "none",
     as_json: JsonFlag = False,
-    extended: Annotated[str, typer.Option("--extended", hidden=True)] = "none",
 ) -> None:
     """Calibrate camera and projector together from captures of a board in several poses.
 
     Three views are the least, eight or more tilted by 20 to 40 degrees about both axes are good.
     Both axes must be coded. Writes rig.json: lenses (px), relative pose (mm), depth range (mm).
     """
-    require_built("--extended", extended, built="none", planned=("map", "paper"))
     output = Output(as_json=as_json)
     folders = find_captures(captures)
     if out.suffix.lower() != ".json":
@@ -77,7 +97,7 @@ def calibrate(
     if model == "paper" and board_shape != "flat":
         raise UsageError(f"--board-shape must be flat with --model paper, got {board_shape}")
     from fringeworks.calibrate import CalibrationSettings, calibrate_captures, calibrate_paper
-    from fringeworks.files import read_board, write_rig
+    from fringeworks.files import read_board, read_capture, write_rig
 
     settings = CalibrationSettings(board_shape=board_shape)
     with output.working() as progress:
@@ -85,6 +105,12 @@ def calibrate(
         views = read_captures(folders, output, progress, group=group)
         solve = calibrate_paper if model == "paper" else calibrate_captures
         rig = solve(views, target, settings=settings)
+        fit = None
+        if extended != "none":
+            again = map(partial(read_capture, group=group), progress(folders, "planes"))
+            fit = fit_captures(again, rig, extended)
+            rig = with_fit(rig, fit)
+        rig, chosen = choose_residual(rig) if residual == "auto" else (rig, None)
         write_rig(out, rig)
         drawn: list[Path] = []
         if figures is not None:
@@ -92,6 +118,10 @@ def calibrate(
 
             drawn = save_calibration(rig, figures)
     summary = describe_rig(output, rig)
+    if fit is not None:
+        summary["extended"] = describe_extended(output, fit)
+    if chosen is not None:
+        summary["residual"] = describe_residual(output, chosen)
     output.written([out])
     output.written(drawn)
     if report is not None:
@@ -180,8 +210,8 @@ def describe_rig(output: Output, rig: Rig) -> dict[str, Any]:
         _print_paper(output, figures)
     _print_halves(output, record)
     for device in ("camera", "projector"):
-        _print_lens(output, device, summary[device])
-    _print_pose(output, summary)
+        print_lens(output, device, summary[device])
+    print_pose(output, summary)
     return {
         "model": model,
         "quality": quality,
@@ -247,33 +277,3 @@ def _print_halves(output: Output, record: dict[str, Any]) -> None:
         )
     for reason in record["left_out"]:
         output.line(f"  left out: {reason}")
-
-
-def _print_lens(output: Output, name: str, lens: dict[str, Any]) -> None:
-    output.line(f"{name}: {lens['width']}x{lens['height']} px")
-    distortion = " ".join(f"{key} {lens[key]:.4f}" for key in ("k1", "k2", "p1", "p2", "k3"))
-    output.facts(
-        [
-            ("focal lengths", f"{lens['fx']:.2f} {lens['fy']:.2f} px"),
-            ("principal point", f"{lens['cx']:.2f} {lens['cy']:.2f} px"),
-            ("distortion", distortion),
-        ]
-    )
-
-
-def _print_pose(output: Output, summary: dict[str, Any]) -> None:
-    x, y, z = summary["translation_mm"]
-    output.line("projector from camera")
-    facts = [
-        ("translation", f"{x:.2f} {y:.2f} {z:.2f} mm, baseline {summary['baseline_mm']:.2f} mm"),
-        ("rotation", f"{summary['rotation_deg']:.3f} deg in all"),
-    ]
-    if summary["volume_mm"] is not None:
-        near, far = summary["volume_mm"]
-        facts.append(("volume", f"z = {near:.0f} to {far:.0f} mm, camera frame"))
-    if summary["scale_sigma"] is None:
-        scale = "uncertainty not known: measure the pitch (pitch_sigma_mm in board.toml)"
-    else:
-        scale = f"known to {summary['scale_sigma']:.1e} of every length, 1 sd, by the board's pitch"
-    facts.append(("scale", scale))
-    output.facts(facts)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -14,10 +14,10 @@ from fringeworks.cli.arguments import (
     ZRangeOption,
     parse_ranges,
     refuse_planned,
-    refuse_planned_flag,
-    require_built,
 )
 from fringeworks.cli.output import JsonFlag, Output, percent
+
+Model = Literal["geometric", "extended", "full"]
 
 
 def scan(
@@ -38,26 +38,36 @@ def scan(
         typer.Option("--figures", metavar="DIR", help="Draw every stage into this folder."),
     ] = None,
     as_json: JsonFlag = False,
-    model: Annotated[str, typer.Option(hidden=True)] = "full",
+    model: Annotated[
+        Model,
+        typer.Option(
+            "--model",
+            help="full: both lenses' distortion; geometric: the paper's equations 1 to 3, of one "
+            "axis, the projector a pinhole; extended: its 4 to 7, by calibrate --extended.",
+        ),
+    ] = "full",
     exact: Annotated[
-        bool, typer.Option("--exact", hidden=True, callback=refuse_planned_flag)
+        bool,
+        typer.Option(
+            "--exact", help="Solve the full model at every pixel rather than by its table."
+        ),
     ] = False,
     response: Annotated[str | None, typer.Option(hidden=True, callback=refuse_planned)] = None,
 ) -> None:
     """Measure: decode a capture and triangulate it with a rig into a cloud, mm, camera frame.
 
     Both lenses' distortion is part of the model; where both axes are coded, both are used,
-    weighted by their sigma. .npz keeps the pixel grid and sigma; .ply has normals and colour.
+    weighted by their sigma (--model has the paper's models, of one axis). Depths come from a
+    table that is within 1 um of the model, unless --exact. .npz keeps the pixel grid and sigma;
+    .ply has normals and colour.
     """
-    require_built("--model", model, built="full", planned=("geometric", "extended"))
     depths = None
     if z_range is not None:
         (depths,) = parse_ranges(z_range, option="--z-range", form="MIN:MAX")
     output = Output(as_json=as_json)
     from fringeworks.files import read_capture, read_rig, write_cloud
-    from fringeworks.phase.decode import decode_phases
-    from fringeworks.phase.window import volume_of
-    from fringeworks.pipeline import cloud_of
+    from fringeworks.pipeline import scan as scan_capture
+    from fringeworks.pipeline import scan_stages
     from fringeworks.reconstruct.full import CloudRules
     from fringeworks.report.summary import summarise_cloud
 
@@ -65,9 +75,12 @@ def scan(
         calibrated = read_rig(rig)
         read = read_capture(capture, group=group, progress=progress)
         output.findings(read.name, read.findings)
-        decoding = decode_phases(read, orders=orders, volume=volume_of(calibrated, depths))
-        rules = CloudRules(axis=axis, z_range_mm=depths)
-        cloud = cloud_of(read, decoding.projector_map(), calibrated, rules=rules)
+        rules = CloudRules(axis=axis, z_range_mm=depths, exact=exact)
+        options: dict[str, Any] = {"orders": orders, "cloud_rules": rules, "model": model}
+        if figures is None:
+            cloud = scan_capture(read, calibrated, **options)
+        else:
+            cloud, decoding = scan_stages(read, calibrated, **options)
         output.findings(read.name, cloud.findings)
         write_cloud(out, cloud)
         drawn: list[Path] = []
@@ -96,6 +109,12 @@ def describe_cloud(output: Output, name: str, summary: dict[str, Any]) -> None:
         ("depth z", f"{z['p1']:.1f} to {z['p99']:.1f} mm, median {z['median']:.1f} mm"),
         ("sigma of z", f"{summary['sigma_mm_median']:.3g} mm, median of the random part"),
     ]
+    if summary["systematic_mm_median"] is not None:
+        median = summary["systematic_mm_median"]
+        facts.append(("", f"{median:.3g} mm, median of the systematic part, by the calibration"))
+    heads = ["pixels without one", *[""] * len(summary["reasons"])]
+    lost = zip(heads, summary["reasons"].items(), strict=False)
+    facts += [(head, f"{percent(share)} {words}") for head, (words, share) in lost]
     if epipolar is not None:
         facts.append(("epipolar rms", f"{epipolar:.3f} projector px"))
     output.facts(facts)
