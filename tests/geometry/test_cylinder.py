@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from fringeworks.errors import MeasurementError, ShapeError, UsageError
 from fringeworks.geometry.forms import fit_cylinder
-from fringeworks.geometry.forms.cylinder import SAMPLE, spread_indices
+from fringeworks.geometry.forms.search import SAMPLE, spread_indices
 from fringeworks.geometry.pose import rotation_matrix
 
 Array = NDArray[np.float64]
@@ -161,7 +161,7 @@ class TestCylinder:
     def test_predicted_against_sampled_sigma(self, weighted: bool) -> None:
         runs, count = 300, 200
         sd = np.where(np.arange(count) % 2, 0.3, 0.03) if weighted else np.full(count, 0.1)
-        radii, sigmas, scores = [], [], []
+        radii, sigmas, scores, errors, variances = [], [], [], [], []
         for seed in range(runs):
             points = side(count, 110, sd=sd, seed=seed)
             fit = fit_cylinder(points, sigma_mm=sd if weighted else None)
@@ -171,7 +171,11 @@ class TestCylinder:
             free = [0, 2, 3, 5, 6]
             away = fit.axis_point_mm - MIDDLE
             off = np.array([*away, *fit.axis_direction, fit.radius_mm - RADIUS])[free]
+            errors.append(off)
+            variances.append(np.diag(fit.covariance)[free])
             scores.append(off @ np.linalg.solve(fit.covariance[np.ix_(free, free)], off))
+        ratio = np.std(errors, axis=0) / np.sqrt(np.mean(variances, axis=0))
+        assert 0.85 < ratio.min() <= ratio.max() < 1.15
         predicted = np.sqrt(np.mean(np.square(sigmas)))
         assert np.std(radii) == pytest.approx(predicted, rel=5 / np.sqrt(2 * runs))
         assert abs(np.mean(radii) - RADIUS) < 5 * predicted / np.sqrt(runs)

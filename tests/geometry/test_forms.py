@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fringeworks.errors import MeasurementError
+from fringeworks.errors import MeasurementError, ShapeError
 from fringeworks.geometry.forms import fit_plane
 from fringeworks.geometry.grid import grid_normals
 from fringeworks.geometry.pose import rotation_matrix
@@ -105,9 +105,52 @@ class TestPlane:
         with pytest.raises(MeasurementError, match="20 points lie on one line"):
             fit_plane(points)
 
-    def test_three_points_are_exact(self) -> None:
+    def test_three_points_are_exact_and_of_unknown_sigma(self) -> None:
         fit = fit_plane(plane_points(3))
         assert fit.form_rms_mm < 1e-11
+        assert np.isnan(fit.offset_sigma_mm)
+        assert np.isnan(fit.tilt_sigma_deg)
+
+    def test_covariance_by_hand(self) -> None:
+        # The square of test_numbers_by_hand: variance 4 over one degree of freedom, four points
+        # 500 mm from their middle line each way, seen from that middle: 4 / 4 and 4 / (4 * 500^2).
+        points = np.array([[-500.0, -500, 11], [500, -500, 9], [500, 500, 11], [-500, 500, 9]])
+        fit = fit_plane(points)
+        assert fit.offset_sigma_mm == pytest.approx(1.0, abs=1e-9)
+        assert fit.tilt_sigma_deg == pytest.approx(np.degrees(1 / 500), rel=1e-9)
+        aside = fit_plane(points + np.array([3000.0, 0, 0]))  # a tilt of 1 / 500 at 3000 mm: 6 mm
+        assert aside.offset_sigma_mm == pytest.approx(np.sqrt(1 + 6**2), rel=1e-5)
+
+    @pytest.mark.parametrize("weighted", [False, True])
+    def test_predicted_against_sampled_sigma(self, weighted: bool) -> None:
+        runs, count = 600, 60
+        sd = np.where(np.arange(count) % 2, 0.3, 0.03) if weighted else np.full(count, 0.1)
+        scores, offsets, sigmas = [], [], []
+        for seed in range(runs):
+            noise = np.random.default_rng(10_000 + seed).normal(0, 1, count) * sd
+            points = plane_points(count, seed=seed) + noise[:, None] * NORMAL + [30.0, 60, 0]
+            fit = fit_plane(points, sigma_mm=sd if weighted else None)
+            offset = -400 + float(NORMAL @ np.array([30.0, 60, 0]))
+            off = np.array([*(fit.normal - NORMAL), fit.offset_mm - offset])
+            free = [0, 1, 3]  # the normal is of length one
+            scores.append(
+                off[free] @ np.linalg.solve(fit.covariance[np.ix_(free, free)], off[free])
+            )
+            offsets.append(off[3])
+            sigmas.append(fit.offset_sigma_mm)
+        predicted = np.sqrt(np.mean(np.square(sigmas)))
+        assert np.std(offsets) == pytest.approx(predicted, rel=5 / np.sqrt(2 * runs))
+        # Three parameters: three times F(3, 57), of mean 3 * 57 / 55 and variance 6 * 1.13.
+        assert np.mean(scores) == pytest.approx(3.11, abs=5 * np.sqrt(6.8 / runs))
+
+    def test_weights(self) -> None:
+        # Means by hand: z = 0 at weight 1 and z = 3 at weight 1/4 on every corner: 0.75 / 1.25.
+        corners = np.array([[0.0, 0], [9, 0], [9, 9], [0, 9]])
+        low, high = (np.column_stack([corners, np.full(4, z)]) for z in (10.0, 13.0))
+        fit = fit_plane(np.concatenate([low, high]), sigma_mm=np.repeat([1.0, 2.0], 4))
+        assert fit.offset_mm == pytest.approx(-10.6, abs=1e-12)
+        with pytest.raises(ShapeError, match=r"sigma_mm must be \(8,\) like the points"):
+            fit_plane(np.concatenate([low, high]), sigma_mm=np.ones(4))
 
 
 def rays(height: int, width: int) -> Array:

@@ -119,15 +119,19 @@ class TestSphere:
     def test_predicted_against_sampled_sigma(self, weighted: bool) -> None:
         runs, count = 600, 200
         sd = np.where(np.arange(count) % 2, 0.3, 0.03) if weighted else np.full(count, 0.1)
-        radii, sigmas, scores = [], [], []
+        radii, sigmas, scores, errors, variances = [], [], [], [], []
         truth = np.array([*CENTRE, RADIUS])
         for seed in range(runs):
             points = noisy_cap(count, 60, sd, seed=10 * seed)
             fit = fit_sphere(points, sigma_mm=sd if weighted else None)
             off = np.array([*fit.centre_mm, fit.radius_mm]) - truth
+            errors.append(off)
+            variances.append(np.diag(fit.covariance))
             radii.append(fit.radius_mm)
             sigmas.append(fit.radius_sigma_mm)
             scores.append(off @ np.linalg.solve(fit.covariance, off))
+        ratio = np.std(errors, axis=0) / np.sqrt(np.mean(variances, axis=0))
+        assert 0.85 < ratio.min() <= ratio.max() < 1.15
         predicted = np.sqrt(np.mean(np.square(sigmas)))
         assert np.std(radii) == pytest.approx(predicted, rel=5 / np.sqrt(2 * runs))
         assert abs(np.mean(radii) - RADIUS) < 5 * predicted / np.sqrt(runs)

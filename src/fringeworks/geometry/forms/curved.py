@@ -1,4 +1,4 @@
-"""What spheres and cylinders share: a curved surface about one of its points.
+"""What spheres, cylinders and cones share: a curved surface about one of its points.
 
 The radius enters as curvature k = 1 / r, after Lukács, Martin and Marshall ("Faithful
 least-squares fitting of spheres, cylinders, cones and tori for reliable segmentation", ECCV 1998):
@@ -17,8 +17,9 @@ plain least squares of f, and knows planes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +29,14 @@ from fringeworks.geometry.minimise import MOST_STEPS, Block, minimise
 from fringeworks.geometry.pose import left_jacobian, rotation_matrix
 
 Array = NDArray[np.float64]
+Surface = TypeVar("Surface")
 
 TELLING_SIGMAS = 5.0
 """A curvature nearer to zero than that is no radius."""
+
+FALSE_ALARM = 1e-3
+"""With few points sigma itself is a guess: Student's distribution then asks for more sigmas, so
+that scatter alone passes for a curvature no oftener than this."""
 
 SMALLEST = 1e-300
 """Keeps a division by a length from failing at zero."""
@@ -41,7 +47,9 @@ _SMALLEST_ROOT = 1e-12
 _DEPENDENT = 1e-13
 _SPHERE = [0, 1, 3, 4]
 _CYLINDER = [0, 1, 2, 3, 4]
-"""Which parameters move: a sphere does not change as it turns about its normal."""
+CIRCLE = [0, 1, 3]
+"""Which parameters move: a sphere does not change as it turns about its normal, and a circle is a
+cylinder that keeps its axis."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +118,12 @@ def fit_algebraic(centred: Array) -> tuple[Array, Array, Array]:
 
 
 def refine(
-    start: Curved, points: Array, weights: Array, *, steps: int = MOST_STEPS
+    start: Curved,
+    points: Array,
+    weights: Array,
+    *,
+    steps: int = MOST_STEPS,
+    free: Sequence[int] | None = None,
 ) -> Curved | None:
     """The surface of least squared weighted distances next to a start; None if none is reached.
 
@@ -120,8 +133,10 @@ def refine(
         ``(n, 3)`` mm and ``(n,)`` 1 / mm.
     steps
         After so many it has not reached any.
+    free
+        Which parameters move, if not all that change the surface.
     """
-    free = _CYLINDER if start.straight else _SPHERE
+    free = list(free or _free_of(start))
     relative = points - start.foot
 
     def model(values: Array) -> Iterator[Block]:
@@ -137,6 +152,10 @@ def refine(
         return None
     origin[free] = minimum.parameters
     return moved(start, origin)
+
+
+def _free_of(surface: Curved) -> list[int]:
+    return _CYLINDER if surface.straight else _SPHERE
 
 
 def moved(start: Curved, parameters: Array) -> Curved:
@@ -187,7 +206,7 @@ def _distance(height: Array, curvature: float) -> tuple[Array, Array]:
     return 2 * height / (1 + root), root
 
 
-def settled(surface: Curved | None, points: Array, *, form: str) -> Curved:
+def settled(surface: Surface | None, points: Array, *, form: str) -> Surface:
     """What `refine` found.
 
     Raises
@@ -202,34 +221,75 @@ def settled(surface: Curved | None, points: Array, *, form: str) -> Curved:
     return surface
 
 
-def covariance_of(surface: Curved, points: Array, weights: Array, *, form: str) -> Array:
+def covariance_of(
+    surface: Curved,
+    points: Array,
+    weights: Array,
+    *,
+    form: str,
+    free: Sequence[int] | None = None,
+) -> Array:
     """Covariance of a refined surface's parameters: rise, curvature, turns, as `refine` moves them.
 
-    ``(4, 4)`` of a sphere, without a turn about its normal, else ``(5, 5)``. The inverse normal
-    matrix times the variance of weighted distances per degree of freedom: the points' errors are
-    taken as independent.
+    ``(4, 4)`` of a sphere, without a turn about its normal, else ``(5, 5)``, or as many as `free`.
 
     Raises
     ------
     MeasurementError
-        Some change of the parameters moves no point, or the curvature lies within
-        `TELLING_SIGMAS` of none.
+        Some change of the parameters moves no point, or the curvature cannot be told from none.
     """
-    free = _CYLINDER if surface.straight else _SPHERE
+    free = list(free or _free_of(surface))
     parameters = np.array([0.0, surface.curvature, 0.0, 0.0, 0.0])
     distances, jacobian = distance_jacobian(surface, points - surface.foot, parameters)
     weighted = jacobian[:, free] * weights[:, None]
-    normal = np.einsum("ij,ik->jk", weighted, weighted)
+    covariance = scatter_covariance(distances * weights, weighted, form=form)
+    sigma = float(np.sqrt(covariance[1, 1]))
+    check_curvature(surface.curvature, sigma, (len(points), len(free)), form=form)
+    return covariance
+
+
+def scatter_covariance(residuals: Array, jacobian: Array, *, form: str) -> Array:
+    """``(k, k)`` covariance of the parameters of residuals ``(n,)`` with Jacobian ``(n, k)``.
+
+    The inverse normal matrix times the residuals' variance per degree of freedom: the points'
+    errors are taken as independent.
+
+    Raises
+    ------
+    MeasurementError
+        Some change of the parameters moves no point.
+    """
+    count, parameters = jacobian.shape
+    normal = np.einsum("ij,ik->jk", jacobian, jacobian)
     scale = np.sqrt(np.maximum(np.diag(normal), SMALLEST))
     scaled = normal / np.outer(scale, scale)
     if np.linalg.eigvalsh(scaled)[0] < _DEPENDENT:
-        raise MeasurementError(f"the {len(points)} points fit more than one {form}")
-    variance = float(np.sum((distances * weights) ** 2)) / (len(points) - len(free))
-    covariance = np.linalg.inv(scaled) / np.outer(scale, scale) * variance
-    sigma = float(np.sqrt(covariance[1, 1]))
-    if surface.curvature <= TELLING_SIGMAS * sigma:
+        raise MeasurementError(f"the {count} points fit more than one {form}")
+    variance = float(np.sum(residuals**2)) / (count - parameters)
+    return np.asarray(np.linalg.inv(scaled) / np.outer(scale, scale) * variance)
+
+
+def check_curvature(
+    curvature: float, sigma: float, count_and_parameters: tuple[int, int], *, form: str
+) -> None:
+    """Refuse a curvature, 1 / mm, that its sigma does not tell from none.
+
+    Raises
+    ------
+    MeasurementError
+        It is within `telling_sigmas` of zero.
+    """
+    count, parameters = count_and_parameters
+    flat = "line" if form == "circle" else "plane"
+    if curvature <= telling_sigmas(count - parameters) * sigma:
         raise MeasurementError(
-            f"the {len(points)} points do not tell a {form} from a plane: the curvature is "
-            f"{surface.curvature:.2g} +- {sigma:.2g} / mm; measure a larger part of it, or a plane"
+            f"the {count} points do not tell a {form} from a {flat}: the curvature is "
+            f"{curvature:.2g} +- {sigma:.2g} / mm; measure a larger part of it"
         )
-    return np.asarray(covariance)
+
+
+def telling_sigmas(freedom: int) -> float:
+    """How many standard deviations, known from `freedom` residuals too many, tell from zero."""
+    from scipy.special import stdtrit
+
+    return max(TELLING_SIGMAS, float(stdtrit(freedom, 1 - FALSE_ALARM)))

@@ -17,25 +17,16 @@ from fringeworks.geometry.forms.curved import (
     tangents,
 )
 from fringeworks.geometry.forms.deviations import band95_of, range_of, rms_per_freedom
+from fringeworks.geometry.forms.search import fit_in_stages, half_sphere
 
 Array = NDArray[np.float64]
 
 PARAMETERS = 5
-SAMPLE = 1000
-"""Points that the search for the axis looks at; all of them make the fit."""
-
-LARGE_SAMPLE = 30_000
-LAST_STEPS = 20
-"""From the cylinder through the large sample to that through all points. Other forms, as spheres,
-give the fit a valley to wander in: on the sample that shows within seconds."""
-
 DIRECTIONS = 200
 """Of the search, over half a sphere: 10 degrees apart."""
 
 STARTS = 8
 """Best directions of the search that are followed."""
-
-_GOLDEN = (np.sqrt(5) - 1) / 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +98,9 @@ def fit_cylinder(points: Array, *, sigma_mm: Array | None = None) -> CylinderFit
     check_points(points, form="cylinder", least=PARAMETERS + 1)
     check_curved(points, form="cylinder")
     weights = weights_of(sigma_mm, len(points))
-    found = settled(_fit(points, weights), points, form="cylinder")
+    found = settled(
+        fit_in_stages(points, weights, search=_search, refine=refine), points, form="cylinder"
+    )
     covariance = covariance_of(found, points, weights, form="cylinder")
     middle = points.mean(axis=0)
     change = change_of(found, middle)
@@ -150,42 +143,12 @@ def change_of(found: Curved, middle: Array) -> Array:
     return np.concatenate([found.frame @ point, found.frame @ axis, by_radius])
 
 
-def _fit(points: Array, weights: Array) -> Curved | None:
-    start = _start(points, weights)
-    if start is None:
-        return None
-    chosen = spread_indices(len(points), LARGE_SAMPLE)
-    near = refine(start, points[chosen], weights[chosen])
-    return None if near is None else refine(near, points, weights, steps=LAST_STEPS)
-
-
-def _start(points: Array, weights: Array) -> Curved | None:
-    """The best cylinder through a sample of points ``(n, 3)``."""
-    chosen = spread_indices(len(points), SAMPLE)
-    sample, weight = points[chosen], weights[chosen]
-    refined = [refine(start, sample, weight) for start in _search(sample)]
-    reached = [surface for surface in refined if surface is not None]
-
-    def loss(surface: Curved) -> float:
-        return float(np.sum((surface.distances(sample) * weight) ** 2))
-
-    return min(reached, key=loss, default=None)
-
-
-def spread_indices(count: int, wanted: int) -> NDArray[np.intp]:
-    """At most `wanted` of `count` indices, evenly but without a period that a grid could share."""
-    if count <= wanted:
-        return np.arange(count)
-    places = count * np.mod(np.arange(wanted) * _GOLDEN, 1)
-    return np.asarray(places, dtype=np.intp)
-
-
 def _search(points: Array) -> list[Curved]:
     """Cylinders along the directions in which points ``(n, 3)`` look most like a circle."""
     middle = points.mean(axis=0)
     centred = points - middle
     _, principal = np.linalg.eigh(centred.T @ centred)
-    axes = np.concatenate([np.eye(3), _half_sphere(DIRECTIONS)]) @ principal.T
+    axes = np.concatenate([np.eye(3), half_sphere(DIRECTIONS)]) @ principal.T
     basis = np.stack(tangents(axes), axis=1)
     flat = np.einsum("ni,aki->ank", centred, basis)
     curvature, foot, normal = fit_algebraic(flat)
@@ -198,11 +161,3 @@ def _search(points: Array) -> list[Curved]:
     ]
     misfit = [float(np.sum(surface.distances(points) ** 2)) for surface in found]
     return [found[index] for index in np.argsort(misfit)[:STARTS]]
-
-
-def _half_sphere(count: int) -> Array:
-    """``(count, 3)`` unit vectors spread over the half with z > 0, on Fibonacci's spiral."""
-    z = (np.arange(count) + 0.5) / count
-    angle = 2 * np.pi * _GOLDEN * np.arange(count)
-    flat = np.sqrt(1 - z**2)
-    return np.stack([flat * np.cos(angle), flat * np.sin(angle), z], axis=1)
