@@ -34,7 +34,7 @@ setup: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt
 	@$(call make_venv,$(VENV))
 	@echo "setup: installing fringeworks and its tools into $(VENV) (the first time takes minutes)"
-	@$(BIN)/python $(PIP_INSTALL) -c constraints.txt -e '.[dev,mesh]'
+	@$(BIN)/python $(PIP_INSTALL) -c constraints.txt -e '.[dev,mesh,register,e57]'
 	@touch $@
 	@echo "setup: done, try $(BIN)/fringeworks --help"
 

@@ -119,6 +119,8 @@ def test_wrong_use(tmp_path: Path, script: ModuleType, capsys: pytest.CaptureFix
 
 def test_the_descriptions_are_those_of_the_data(real: Callable[[str], Path]) -> None:
     for path in sorted(EXAMPLES.rglob("*.toml")):
+        if path.name == "acceptance.toml":  # a plan for what is measured on them
+            continue
         below = path.relative_to(EXAMPLES)
         original = real(below.parts[0]).joinpath(*below.parts[1:])
         assert path.read_text() == original.read_text()

@@ -1,4 +1,4 @@
-"""Binary little endian PLY: points with normals, colour and sigma.
+"""Binary little endian PLY: points with normals, colour and sigma, and triangles between them.
 
 https://paulbourke.net/dataformats/ply/ (Turk 1994). A header's counts are checked against the
 file's size before anything is allocated.
@@ -39,6 +39,9 @@ VERTEX = np.dtype(
 )
 """One point as `write_ply` writes it."""
 
+FACE = np.dtype([("count", "<u1"), ("corners", "<i4", 3)])
+FACES = "property list uchar int vertex_indices"
+
 
 @dataclass(frozen=True, slots=True)
 class PlyPoints:
@@ -48,20 +51,31 @@ class PlyPoints:
     comments: tuple[str, ...]
 
 
-def write_ply(path: Path, vertices: NDArray[Any], *, comments: tuple[str, ...] = ()) -> None:
-    """Write a structured array ``(n,)`` of type `VERTEX`; atomic."""
+def write_ply(
+    path: Path,
+    vertices: NDArray[Any],
+    *,
+    comments: tuple[str, ...] = (),
+    triangles: NDArray[np.integer] | None = None,
+) -> None:
+    """Write a structured array ``(n,)`` of type `VERTEX`, and triangles ``(m, 3)``; atomic."""
     names = VERTEX.names or ()
+    faces = np.zeros(0 if triangles is None else len(triangles), FACE)
+    if triangles is not None:
+        faces["count"], faces["corners"] = 3, triangles
     lines = [
         "ply",
         "format binary_little_endian 1.0",
         *(f"comment {comment}" for comment in comments),
         f"element vertex {len(vertices)}",
         *(f"property {_NAMES[VERTEX[name].str.replace('|', '<')]} {name}" for name in names),
+        *(() if triangles is None else (f"element face {len(faces)}", FACES)),
         "end_header",
     ]
     with replacing(path) as temporary, temporary.open("wb") as file:
         file.write(("\n".join(lines) + "\n").encode())
         vertices.astype(VERTEX, copy=False).tofile(file)
+        faces.tofile(file)
 
 
 def read_ply(path: Path) -> PlyPoints:

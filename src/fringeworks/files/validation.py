@@ -57,7 +57,9 @@ def read_json(path: Path) -> dict[str, Any]:
     """A JSON file that holds an object, as plain Python values."""
     text = read_text(path)
     try:
-        document = json.loads(text, parse_constant=_refuse_constant)
+        document = json.loads(
+            text, parse_constant=_refuse_constant, object_pairs_hook=_refuse_twice
+        )
     except RecursionError:
         raise FormatError(f"{path}: not valid JSON: too deeply nested") from None
     except ValueError as error:
@@ -69,6 +71,15 @@ def read_json(path: Path) -> dict[str, Any]:
 
 def _refuse_constant(name: str) -> float:
     raise ValueError(f"{name} is not a number that JSON knows")
+
+
+def _refuse_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f"the key {shorten(twice)} stands twice in one object")
+    return table
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -147,7 +158,7 @@ def _line(model: type[BaseModel], item: Mapping[str, Any]) -> str:
     return f"{place}{_complaint(model, item, key)}"
 
 
-_KINDS = {"set": "kind", "object": "shape"}
+_KINDS = {"set": "kind", "object": "shape", "position": "artefact"}
 """Arrays of tables of several kinds, and the key that tells which."""
 
 _COUNTED = (*_KINDS, "pose")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fringeworks.model.capture import Frames
 from fringeworks.model.finding import Finding
+from fringeworks.model.rig import Pose
 
 ReasonMap: TypeAlias = NDArray[np.uint8]
 
@@ -70,6 +71,9 @@ class Cloud:
         NaN where void. None where the rig does not keep how well it is known.
     reason
         ``(H, W)`` uint8, a `Reason` per pixel; None where nobody kept them.
+    frame_from_camera
+        Where the camera stood that saw the cloud; None for the camera's own frame, and where
+        nobody knows. Every sigma stays that along the camera's z.
     """
 
     xyz: NDArray[np.float32]
@@ -82,6 +86,7 @@ class Cloud:
     findings: tuple[Finding, ...] = ()
     systematic_mm: NDArray[np.float32] | None = None
     reason: ReasonMap | None = None
+    frame_from_camera: Pose | None = None
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -90,3 +95,9 @@ class Cloud:
     def points(self) -> NDArray[np.float64]:
         """``(n, 3)`` valid points, mm, row by row."""
         return self.xyz[self.valid].astype(np.float64)
+
+    def seen_from_camera(self) -> NDArray[np.float64]:
+        """``(H, W, 3)`` points about the camera, mm; as they are where its place is not known."""
+        points = self.xyz.astype(np.float64)
+        pose = self.frame_from_camera
+        return points if pose is None else pose.inverse().apply(points)
