@@ -8,19 +8,24 @@ Each step is a pure function of one room; here they only follow each other.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 from fringeworks.errors import ShapeError, UsageError
 from fringeworks.geometry.forms import (
+    ConeFit,
     CylinderFit,
     PlaneFit,
     SphereFit,
+    fit_cone,
     fit_cylinder,
     fit_plane,
     fit_sphere,
 )
 from fringeworks.measure.board import BoardPlane, BoardSpacing, corner_spacing, fit_board
 from fringeworks.measure.region import Region, select_points
+from fringeworks.measure.weights import normal_sigma
 from fringeworks.model import Axis, Capture, Cloud, ModelName, ProjectorMap, Rig, Target
 from fringeworks.phase.decode import Decoding, decode_phases
 from fringeworks.phase.demodulate import MaskRules
@@ -32,6 +37,8 @@ from fringeworks.reconstruct.fused_plan import prepare_scan
 from fringeworks.reconstruct.geometric import triangulate_by_phase
 from fringeworks.reconstruct.masks import mask_edges
 from fringeworks.reconstruct.residual import fields_of, notice_fields, take_residuals
+
+Form = TypeVar("Form", PlaneFit, SphereFit, CylinderFit, ConeFit)
 
 
 def scan(
@@ -158,19 +165,41 @@ def finish_cloud(
     return add_systematic(cloud, rig, axis=rules.axis or axis)
 
 
-def measure_plane(cloud: Cloud, region: Region | None = None) -> PlaneFit:
-    """Orthogonal least-squares plane through the region's points."""
-    return fit_plane(select_points(cloud, region or Region()))
+def measure_plane(
+    cloud: Cloud, region: Region | None = None, *, weighted: bool = False
+) -> PlaneFit:
+    """Orthogonal least-squares plane through the region's points.
+
+    `weighted` weighs each point by its random sigma along the normal (`measure.weights`).
+    """
+    return _measure(fit_plane, cloud, region, weighted=weighted)
 
 
-def measure_sphere(cloud: Cloud, region: Region | None = None) -> SphereFit:
-    """Orthogonal least-squares sphere through the region's points."""
-    return fit_sphere(select_points(cloud, region or Region()))
+def measure_sphere(
+    cloud: Cloud, region: Region | None = None, *, weighted: bool = False
+) -> SphereFit:
+    """Orthogonal least-squares sphere through the region's points; see `measure_plane`."""
+    return _measure(fit_sphere, cloud, region, weighted=weighted)
 
 
-def measure_cylinder(cloud: Cloud, region: Region | None = None) -> CylinderFit:
-    """Orthogonal least-squares cylinder through the region's points."""
-    return fit_cylinder(select_points(cloud, region or Region()))
+def measure_cylinder(
+    cloud: Cloud, region: Region | None = None, *, weighted: bool = False
+) -> CylinderFit:
+    """Orthogonal least-squares cylinder through the region's points; see `measure_plane`."""
+    return _measure(fit_cylinder, cloud, region, weighted=weighted)
+
+
+def measure_cone(cloud: Cloud, region: Region | None = None, *, weighted: bool = False) -> ConeFit:
+    """Orthogonal least-squares cone through the region's points; see `measure_plane`."""
+    return _measure(fit_cone, cloud, region, weighted=weighted)
+
+
+def _measure(
+    fit: Callable[..., Form], cloud: Cloud, region: Region | None, *, weighted: bool
+) -> Form:
+    points = select_points(cloud, region or Region())
+    found = fit(points)
+    return fit(points, sigma_mm=normal_sigma(cloud, region, found)) if weighted else found
 
 
 def measure_board(

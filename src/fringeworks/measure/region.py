@@ -37,6 +37,14 @@ def select_points(cloud: Cloud, region: Region) -> NDArray[np.float64]:
     MeasurementError
         The cloud has no point there.
     """
+    points: NDArray[np.float64] = cloud.xyz[chosen_pixels(cloud, region)].astype(np.float64)
+    if not len(points):
+        raise MeasurementError(f"the region holds no point; {_where_points_are(cloud)}")
+    return points
+
+
+def chosen_pixels(cloud: Cloud, region: Region) -> NDArray[np.bool_]:
+    """``(H, W)``: valid points of the region."""
     chosen = cloud.valid
     if region.box_mm is not None:
         for axis, (low, high) in enumerate(region.box_mm):
@@ -46,10 +54,7 @@ def select_points(cloud: Cloud, region: Region) -> NDArray[np.float64]:
         (u0, u1), (v0, v1) = region.pixels
         v, u = np.ogrid[: chosen.shape[0], : chosen.shape[1]]
         chosen &= (u >= u0) & (u <= u1) & (v >= v0) & (v <= v1)
-    points: NDArray[np.float64] = cloud.xyz[chosen].astype(np.float64)
-    if not len(points):
-        raise MeasurementError(f"the region holds no point; {_where_points_are(cloud)}")
-    return points
+    return chosen
 
 
 def _where_points_are(cloud: Cloud) -> str:
