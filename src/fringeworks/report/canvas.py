@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from fringeworks.files.atomic import replacing
@@ -68,6 +70,11 @@ class Shade:
     def limits_of(self, values: Image) -> tuple[float, float]:
         """The range of the colour bar."""
         return self.limits or robust_limits(values)
+
+
+def signed_shade(label: str, reach: float) -> Shade:
+    """Red above 0, blue below, the same to both sides; 0 is white, so void is a darker grey."""
+    return Shade(label, "RdBu_r", (-reach, reach), void="0.72")
 
 
 def robust_limits(values: Image) -> tuple[float, float]:
@@ -159,8 +166,17 @@ def save_figure(figure: Figure, path: Path) -> Path:
 
 
 def save_png(figure: Figure, target: Path | BinaryIO) -> None:
-    """The figure as PNG, cut to what is drawn."""
-    figure.savefig(target, format="png", bbox_inches="tight", pad_inches=0.12)
+    """The figure as PNG, cut to what is drawn.
+
+    Names of files and positions stand in it as they are: a dollar begins no formula, and a letter
+    that the font lacks is a box and no warning. Ticks of logarithms are formulas all the same.
+    """
+    for text in figure.findobj(Text):
+        if text.get_text() and not text.get_text().startswith(r"$\mathdefault"):
+            text.set_parse_math(False)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph")
+        figure.savefig(target, format="png", bbox_inches="tight", pad_inches=0.12)
 
 
 def save_figures(named: Iterable[tuple[str, Figure]], folder: Path) -> list[Path]:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from fringeworks.model import Cloud, Reason
 from fringeworks.model.cloud import REASON_WORDS
-from fringeworks.report.canvas import Shade, map_figure, save_figures
+from fringeworks.report.canvas import Shade, map_figure, save_figures, signed_shade
 from fringeworks.report.decoding import draw_rules
 from fringeworks.report.solid import draw_solid
 
@@ -59,6 +59,6 @@ def _draw_epipolar(cloud: Cloud) -> Figure:
     values = cloud.epipolar_px[np.isfinite(cloud.epipolar_px)]
     reach = max(float(np.percentile(np.abs(values), 99)), 1e-3)
     label = "distance from the epipolar line, projector px"
-    shade = Shade(label, "RdBu_r", (-reach, reach), void="0.72")
+    shade = signed_shade(label, reach)
     rms = float(np.sqrt(np.mean(np.square(values, dtype=np.float64))))
     return map_figure(cloud.epipolar_px, shade, f"epipolar residual, rms {rms:.3f} px")

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-from fringeworks.geometry.grid import grid_normals
+from fringeworks.geometry.grid import grid_normals, smoothing_window
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import Cloud
 from fringeworks.report.canvas import Shade, draw_bar, new_figure
@@ -37,8 +37,6 @@ LIGHT = np.array([-0.45, -0.55, -0.70])
 
 FIGURE_IN = 12.0
 AMBIENT = 0.35
-SLOPE_NOISE = 0.05
-WIDEST_SMOOTHING = 15
 
 SIDES: tuple[tuple[str, tuple[float, float, float]], ...] = (
     ("from the camera", (0.0, 0.0, 0.0)),
@@ -110,17 +108,6 @@ def _smooth(cloud: Cloud) -> NDArray[np.float32]:
     filled = np.where(valid[..., None], cloud.xyz, np.float32(0))
     mean = uniform_filter(filled, (size, size, 1)) / np.maximum(weight, 1e-6)[..., None]
     return np.where(valid[..., None], mean, np.float32(np.nan)).astype(np.float32)
-
-
-def smoothing_window(xyz: NDArray[np.floating], sigma_mm: NDArray[np.floating]) -> int:
-    """Odd width, px, from the points' spacing and sigma; 3 where they are not known."""
-    steps = np.abs(np.diff(xyz[..., 0], axis=1))
-    steps, sigmas = steps[np.isfinite(steps)], sigma_mm[np.isfinite(sigma_mm)]
-    spacing = float(np.median(steps)) if steps.size else 0.0
-    if not spacing > 0 or not sigmas.size:
-        return 3
-    half = int(np.ceil(np.sqrt(float(np.median(sigmas)) / (SLOPE_NOISE * spacing))))
-    return min(1 + 2 * half, WIDEST_SMOOTHING)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.geometry.forms import CylinderFit, PlaneFit, SphereFit
+from fringeworks.geometry.forms import ConeFit, CylinderFit, PlaneFit, SphereFit
+from fringeworks.geometry.forms.named import FormFit
 from fringeworks.model import Cloud, CodedAxis, Lens, Noise, Rig, Void, WrappedPhase
 from fringeworks.model.cloud import REASON_WORDS, ReasonMap
 from fringeworks.model.phase import VOID_WORDS, VoidMap
@@ -128,7 +129,9 @@ def summarise_plane(plane: PlaneFit, scale_sigma: float | None = None) -> Summar
     return {
         "normal": [float(value) for value in plane.normal],
         "offset_mm": plane.offset_mm,
+        "offset_sigma_mm": plane.offset_sigma_mm,
         "offset_scale_sigma_mm": _by_scale(abs(plane.offset_mm), scale_sigma),
+        "tilt_sigma_deg": plane.tilt_sigma_deg,
         "flatness_mm": plane.flatness_mm,
         "form_rms_mm": plane.form_rms_mm,
         "band95_mm": plane.band95_mm,
@@ -140,6 +143,7 @@ def summarise_sphere(sphere: SphereFit, scale_sigma: float | None = None) -> Sum
     """The sphere and how far its points lie from it; `scale_sigma` is the cloud's."""
     return {
         "centre_mm": [float(value) for value in sphere.centre_mm],
+        "centre_sigma_mm": _sigmas(sphere.covariance, slice(0, 3)),
         **_round(sphere, scale_sigma),
     }
 
@@ -148,9 +152,50 @@ def summarise_cylinder(cylinder: CylinderFit, scale_sigma: float | None = None) 
     """The cylinder and how far its points lie from it; `scale_sigma` is the cloud's."""
     return {
         "axis_point_mm": [float(value) for value in cylinder.axis_point_mm],
+        "axis_point_sigma_mm": _sigmas(cylinder.covariance, slice(0, 3)),
         "axis_direction": [float(value) for value in cylinder.axis_direction],
+        "axis_tilt_sigma_deg": _tilt(cylinder.covariance),
         **_round(cylinder, scale_sigma),
     }
+
+
+def summarise_cone(cone: ConeFit) -> Summary:
+    """The cone and how far its points lie from it; its angle does not know the scale."""
+    return {
+        "apex_mm": [float(value) for value in cone.apex_mm],
+        "apex_sigma_mm": _sigmas(cone.covariance, slice(0, 3)),
+        "axis_direction": [float(value) for value in cone.axis_direction],
+        "axis_tilt_sigma_deg": _tilt(cone.covariance),
+        "half_angle_deg": cone.half_angle_deg,
+        "half_angle_sigma_deg": cone.half_angle_sigma_deg,
+        "form_rms_mm": cone.form_rms_mm,
+        "range_mm": cone.range_mm,
+        "band95_mm": cone.band95_mm,
+        "points": len(cone.deviations_mm),
+    }
+
+
+def summarise_form(form: FormFit, scale_sigma: float | None = None) -> Summary:
+    """Any of the four; `scale_sigma` is the cloud's."""
+    match form:
+        case PlaneFit():
+            return summarise_plane(form, scale_sigma)
+        case SphereFit():
+            return summarise_sphere(form, scale_sigma)
+        case CylinderFit():
+            return summarise_cylinder(form, scale_sigma)
+        case ConeFit():
+            return summarise_cone(form)
+
+
+def _sigmas(covariance: NDArray[np.float64], which: slice) -> list[float]:
+    return [float(value) for value in np.sqrt(np.diag(covariance)[which])]
+
+
+def _tilt(covariance: NDArray[np.float64]) -> float:
+    """Standard deviation, degrees, of an axis' direction, rows 3 to 5, where it is known worst."""
+    largest = float(np.linalg.eigvalsh(covariance[3:6, 3:6])[-1])
+    return math.degrees(math.sqrt(max(largest, 0.0)))
 
 
 def _round(form: SphereFit | CylinderFit, scale_sigma: float | None) -> Summary:
