@@ -134,7 +134,7 @@ def twin_frames(
     rig = paper_rig()
     rng = np.random.default_rng(seed)
     shown = simulate(scene, rig, _sequence(rig), effects=effects, rng=rng)
-    return _frames_of(shown.capture), shown.truth.column
+    return frames_of(shown.capture), shown.truth.column
 
 
 def see_template(*, seed: int = 0) -> CoordinateWindow:
@@ -151,7 +151,8 @@ def _sequence(rig: Rig) -> Sequence:
     return make_sequence("paper", width=projector.width, height=projector.height, axes=("x",))
 
 
-def _frames_of(capture: Capture) -> AxisFrames:
+def frames_of(capture: Capture) -> AxisFrames:
+    """The capture's first fringes, demodulated, for methods that tell orders."""
     fringe, stack, repeats = capture.find(Fringe)[0]
     return AxisFrames(
         capture, fringe.axis, (demodulate(stack, fringe, capture.sensor, repeats=repeats),)
@@ -231,10 +232,12 @@ def _share(of: NDArray[np.bool_], among: NDArray[np.bool_]) -> float:
 def make_figures(folder: Path, *, seed: int = 0) -> list[Path]:
     """Figures 11, 12, 13a, 13b and 13c as PNG files, from the twin's scene `two`."""
     frames, _ = twin_frames(two_scene(), seed=seed)
-    return save_figures(_draw(replace(frames, window=see_template(seed=seed + 1))), folder)
+    return save_figures(
+        draw_code_frame(replace(frames, window=see_template(seed=seed + 1))), folder
+    )
 
 
-def _draw(frames: AxisFrames) -> Iterator[tuple[str, Figure]]:
+def draw_code_frame(frames: AxisFrames) -> Iterator[tuple[str, Figure]]:
     """Name and figure of each: the design, then what the method reads in the capture."""
     reading, shown = read_code_frame(frames), frames.capture.sequence
     fringe, code = frames.finest.fringe, reading.code

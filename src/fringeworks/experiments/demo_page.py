@@ -27,7 +27,7 @@ from fringeworks.report.blocks import (
     Verdict,
 )
 from fringeworks.report.calibration import draw_calibration
-from fringeworks.report.canvas import Shade, map_figure, save_figure
+from fringeworks.report.canvas import map_figure, save_figure, signed_shade
 from fringeworks.report.capture import draw_capture
 from fringeworks.report.cloud import draw_cloud
 from fringeworks.report.decoding import draw_decoding
@@ -133,7 +133,7 @@ def radius_number(scanned: Scanned) -> Number:
 def draw_bias(bias: Bias) -> Figure:
     """Map of the signed error along the normal."""
     reach = 2 * bias.normal_p95_mm * 1e3
-    shade = Shade("error along the normal, µm", "RdBu_r", (-reach, reach), void="0.72")
+    shade = signed_shade("error along the normal, µm", reach)
     title = f"error without noise, 95 % below {1e3 * bias.normal_p95_mm:.1f} µm"
     figure = map_figure(1e3 * bias.normal_mm, shade, title)
     rows, columns = np.nonzero(np.isfinite(bias.normal_mm))

@@ -108,20 +108,20 @@ def run_rig(kind: Kind, seed: int) -> Mapping[str, FormErrors]:
         for mode in ("paper", "map")
     }
     forms = Forms.of(drawn.true, kind.forms_mm / MIDDLE_MM)
-    return {name: judge_scan(forms, _scan(forms, drawn.found, fits[name])) for name in MODELS}
+    return {name: judge_scan(forms, scan_forms(forms, drawn.found, fits[name])) for name in MODELS}
 
 
 def draw_rig(kind: Kind, rng: np.random.Generator) -> Drawn:
     """A rig with its calibration."""
-    true, scale = _draw_true(kind, rng), kind.boards_mm / MIDDLE_MM
+    true, scale = draw_true(kind, rng), kind.boards_mm / MIDDLE_MM
     while Forms.of(true, kind.forms_mm / MIDDLE_MM).lit < LEAST_LIT:
-        true = _draw_true(kind, rng)
+        true = draw_true(kind, rng)
     camera, poses = _calibrate_camera(true, kind.corner_px, rng)
     found = _draw_projector(replace(true, camera=replace(true.camera, lens=camera)), rng)
     return Drawn(true, found, _board_points(true, found, poses, rng=rng, scale=scale))
 
 
-def _draw_true(kind: Kind, rng: np.random.Generator) -> Rig:
+def draw_true(kind: Kind, rng: np.random.Generator) -> Rig:
     """About the paper's rig: baselines of 189 mm give or take 35, and lenses of usual sizes."""
     rig, bent = paper_rig(), float(kind.distorted)
     camera, projector = rig.camera.lens, rig.projector.lens
@@ -219,7 +219,7 @@ def _board_points(
     )
 
 
-def _scan(
+def scan_forms(
     forms: Forms, rig: Rig, extended: Extended
 ) -> tuple[tuple[Array, ...], Array, tuple[Array, ...]]:
     """The forms as the calibrated rig has them."""

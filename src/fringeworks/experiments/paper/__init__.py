@@ -1,0 +1,1 @@
+"""The paper on the digital twin, section by section: ``fringeworks reproduce``."""
