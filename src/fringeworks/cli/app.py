@@ -9,18 +9,26 @@ import typer
 from typer.core import TyperGroup
 
 from fringeworks import __version__
+from fringeworks.cli.accept import accept
 from fringeworks.cli.acquire import acquire
 from fringeworks.cli.bench import bench
 from fringeworks.cli.board import board
 from fringeworks.cli.budget import budget
 from fringeworks.cli.calibrate import calibrate
+from fringeworks.cli.compare import change, compare
+from fringeworks.cli.convert import convert
 from fringeworks.cli.decode import decode
 from fringeworks.cli.demo import demo
 from fringeworks.cli.exchange import export_rig, import_rig
+from fringeworks.cli.found import auto
+from fringeworks.cli.frame import frame
 from fringeworks.cli.measure import measure
+from fringeworks.cli.merge import merge
 from fringeworks.cli.output import print_error
 from fringeworks.cli.patterns import patterns
+from fringeworks.cli.reproduce import reproduce
 from fringeworks.cli.scan import scan
+from fringeworks.cli.sections import section
 from fringeworks.cli.twin import twin
 from fringeworks.cli.verify import verify
 from fringeworks.errors import FringeworksError
@@ -39,9 +47,16 @@ ALONG_THE_LINE = (
     "export",
     "decode",
     "scan",
+    "convert",
+    "frame",
+    "merge",
     "measure",
+    "compare",
+    "change",
+    "accept",
     "budget",
     "demo",
+    "reproduce",
     "bench",
 )
 
@@ -151,7 +166,41 @@ _add(
     short="From a capture and a rig to a cloud.",
     example="scan capture/ --rig rig.json --out cloud.ply --z-range 500:900",
 )
+_add(
+    convert,
+    short="A cloud in another format, frame or colour; meshes.",
+    example="convert cloud.npz part.stl --frame frame.json",
+)
+app.add_typer(frame)
+_add(
+    merge,
+    short="Scans of one thing from several sides as one cloud.",
+    example="merge view_*.npz --out whole.ply --frame table.json --angles 0,60,120,180,240,300",
+)
+measure.command(
+    epilog="Example: fringeworks measure auto cloud.npz --figures figures/. Smaller forms: "
+    "--least 0.5; rougher ones: --tolerance 1"
+)(auto)
+measure.command(
+    epilog="Example: fringeworks measure section cloud.npz --along y --range 20:60 --figures "
+    "figures/"
+)(section)
 app.add_typer(measure)
+_add(
+    compare,
+    short="How far a cloud lies from a mesh or another cloud.",
+    example="compare cloud.npz part.stl --align --tolerance 0.1 --figures figures/",
+)
+_add(
+    change,
+    short="What changed between two scans, in mm and mm^3.",
+    example="change before.npz after.npz --figures figures/",
+)
+_add(
+    accept,
+    short="Acceptance test: PF, PS, SD, F against limits.",
+    example="accept plan.toml --out out/accept (or: accept --twin)",
+)
 _add(
     budget,
     short="Where the uncertainty comes from, over depth.",
@@ -161,6 +210,11 @@ _add(
     demo,
     short="The whole loop, simulated and on a real capture.",
     example="demo --out out/demo",
+)
+_add(
+    reproduce,
+    short="The paper's experiments, beside its numbers.",
+    example="reproduce --out out/reproduce --quick",
 )
 _add(
     bench,

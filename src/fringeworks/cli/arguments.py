@@ -48,11 +48,20 @@ def parse_numbers(text: str, *, option: str) -> tuple[float, ...]:
     if text.strip().lower() == "none":
         return ()
     try:
-        return tuple(float(part) for part in text.split(","))
+        numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
+        numbers = (math.nan,)
+    if not all(math.isfinite(number) for number in numbers):
         raise UsageError(
             f"{option} must be numbers with commas between them, or none, got '{text}'"
-        ) from None
+        )
+    return numbers
+
+
+def require_positive(option: str, value: float) -> None:
+    """Refuse a length that is none."""
+    if not 0 < value < math.inf:
+        raise UsageError(f"{option} must be positive, got {value:g}")
 
 
 def refuse_planned(value: str | None, param: typer.CallbackParam) -> None:

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fringeworks.cli.arguments import parse_ranges
+from fringeworks.cli.form_words import FACTS
 from fringeworks.cli.output import JsonFlag, Output
 from fringeworks.errors import UsageError
 
 if TYPE_CHECKING:
+    from fringeworks.geometry.forms.named import FormFit, FormName
     from fringeworks.measure.region import Region
     from fringeworks.model import Cloud
 
 measure = typer.Typer(
     name="measure",
     no_args_is_help=True,
-    short_help="Numbers from a cloud: plane, sphere, cylinder.",
+    short_help="Numbers from a cloud: forms and sections.",
 )
 
 BOX_FORM = "X0:X1,Y0:Y1,Z0:Z1"
@@ -39,12 +41,26 @@ PixelsOption = Annotated[
     ),
 ]
 
-Values: TypeAlias = dict[str, Any]
+WeightedFlag = Annotated[
+    bool,
+    typer.Option(
+        "--weighted", help="Weigh points by their random sigma along the normal, if it is known."
+    ),
+]
+RobustFlag = Annotated[
+    bool,
+    typer.Option(
+        "--robust", help="Leave out what is not on the largest such form, by a random search."
+    ),
+]
+FiguresOption = Annotated[
+    Path | None, typer.Option("--figures", metavar="DIR", help="Draw what was measured here.")
+]
 
 
 @measure.callback()
 def forms() -> None:
-    """Measure a form in a cloud: numbers with units."""
+    """Measure forms and sections of a cloud: numbers with units."""
 
 
 @measure.command(
@@ -55,26 +71,21 @@ def plane(
     cloud: CloudArgument,
     box: BoxOption = None,
     pixels: PixelsOption = None,
+    weighted: WeightedFlag = False,
+    robust: RobustFlag = False,
+    figures: FiguresOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Fit a plane by orthogonal least squares: normal, offset, and how flat it is, mm.
 
     flatness is the range of all distances, band95 the width that holds 95 % of them, form rms
-    their root mean square; no point is left out.
+    their root mean square; no point is left out unless by --robust.
     """
-    read, region = read_region(cloud, box, pixels)
+    asked = _read(cloud, box, pixels, robust="plane" if robust else None)
     from fringeworks.pipeline import measure_plane
-    from fringeworks.report.summary import summarise_plane
 
-    found = summarise_plane(measure_plane(read, region), read.scale_sigma)
-    facts = [
-        ("normal", _numbers(found["normal"], digits=6)),
-        ("offset", f"{found['offset_mm']:.4f} mm"),
-        *_scale("offset", found),
-        *_spread(found),
-        ("flatness", f"{found['flatness_mm']:.4f} mm"),
-    ]
-    _tell("plane", {**found, "cloud": cloud, "frame": read.frame}, facts, as_json=as_json)
+    fit = measure_plane(asked.cloud, asked.region, weighted=weighted)
+    _finish(fit, asked, weighted=weighted, figures=figures, as_json=as_json)
 
 
 @measure.command(
@@ -85,6 +96,9 @@ def sphere(
     cloud: CloudArgument,
     box: BoxOption = None,
     pixels: PixelsOption = None,
+    weighted: WeightedFlag = False,
+    robust: RobustFlag = False,
+    figures: FiguresOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Fit a sphere by orthogonal least squares: centre, radius, and how round it is, mm.
@@ -92,15 +106,13 @@ def sphere(
     The radius has two standard deviations: from what is left of the points, and, where the rig
     knows it, from the pitch of the board that it was calibrated with. Range is that of all
     distances, band95 the width that holds 95 % of them, form rms their root mean square. No point
-    is left out: a box that also holds a wall gives a wrong sphere.
+    is left out unless by --robust: a box that also holds a wall gives a wrong sphere.
     """
-    read, region = read_region(cloud, box, pixels)
+    asked = _read(cloud, box, pixels, robust="sphere" if robust else None)
     from fringeworks.pipeline import measure_sphere
-    from fringeworks.report.summary import summarise_sphere
 
-    found = summarise_sphere(measure_sphere(read, region), read.scale_sigma)
-    facts = [("centre", _numbers(found["centre_mm"], digits=4) + " mm"), *_radius(found)]
-    _tell("sphere", {**found, "cloud": cloud, "frame": read.frame}, facts, as_json=as_json)
+    fit = measure_sphere(asked.cloud, asked.region, weighted=weighted)
+    _finish(fit, asked, weighted=weighted, figures=figures, as_json=as_json)
 
 
 @measure.command(
@@ -111,6 +123,9 @@ def cylinder(
     cloud: CloudArgument,
     box: BoxOption = None,
     pixels: PixelsOption = None,
+    weighted: WeightedFlag = False,
+    robust: RobustFlag = False,
+    figures: FiguresOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Fit a cylinder by orthogonal least squares: axis, radius, and how round it is, mm.
@@ -118,20 +133,94 @@ def cylinder(
     The axis is given by its point next to the points' centroid and its direction. The radius has
     two standard deviations: from what is left of the points, and, where the rig knows it, from the
     pitch of the board that it was calibrated with. Range is that of all distances, band95 the width
-    that holds 95 % of them, form rms their root mean square. No point is left out: a box that also
-    holds a wall gives a wrong cylinder.
+    that holds 95 % of them, form rms their root mean square. No point is left out unless by
+    --robust: a box that also holds a wall gives a wrong cylinder.
     """
-    read, region = read_region(cloud, box, pixels)
+    asked = _read(cloud, box, pixels, robust="cylinder" if robust else None)
     from fringeworks.pipeline import measure_cylinder
-    from fringeworks.report.summary import summarise_cylinder
 
-    found = summarise_cylinder(measure_cylinder(read, region), read.scale_sigma)
-    facts = [
-        ("axis point", _numbers(found["axis_point_mm"], digits=4) + " mm"),
-        ("axis direction", _numbers(found["axis_direction"], digits=6)),
-        *_radius(found),
-    ]
-    _tell("cylinder", {**found, "cloud": cloud, "frame": read.frame}, facts, as_json=as_json)
+    fit = measure_cylinder(asked.cloud, asked.region, weighted=weighted)
+    _finish(fit, asked, weighted=weighted, figures=figures, as_json=as_json)
+
+
+@measure.command(
+    epilog="Example: fringeworks measure cone cloud.npz --box=-60:60,-80:80,600:660. An empty "
+    "end is open: --box :,:,600:660"
+)
+def cone(
+    cloud: CloudArgument,
+    box: BoxOption = None,
+    pixels: PixelsOption = None,
+    weighted: WeightedFlag = False,
+    robust: RobustFlag = False,
+    figures: FiguresOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Fit a cone by orthogonal least squares: apex, axis, half angle, and how round it is.
+
+    The axis runs from the apex into the cone; the half angle lies between axis and surface. Every
+    standard deviation is from what is left of the points. Range is that of all distances, band95
+    the width that holds 95 % of them, form rms their root mean square, mm. No point is left out
+    unless by --robust: a box that also holds a wall gives a wrong cone.
+    """
+    asked = _read(cloud, box, pixels, robust="cone" if robust else None)
+    from fringeworks.pipeline import measure_cone
+
+    fit = measure_cone(asked.cloud, asked.region, weighted=weighted)
+    _finish(fit, asked, weighted=weighted, figures=figures, as_json=as_json)
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is to be measured, and how many of the region's points a search left out of it."""
+
+    path: Path
+    cloud: Cloud
+    region: Region
+    left_out: int | None
+
+
+def _read(cloud: Path, box: str | None, pixels: str | None, *, robust: FormName | None) -> _Asked:
+    """The part of a cloud that the options choose; of it only the largest form, if one is named."""
+    read, region = read_region(cloud, box, pixels)
+    if robust is None:
+        return _Asked(cloud, read, region, None)
+    import numpy as np
+
+    from fringeworks.measure.found import keep_largest
+    from fringeworks.measure.region import chosen_pixels
+
+    kept = keep_largest(read, region, robust, rng=np.random.default_rng(0))
+    left_out = np.count_nonzero(chosen_pixels(read, region)) - np.count_nonzero(kept.valid)
+    return _Asked(cloud, kept, region, int(left_out))
+
+
+def _finish(
+    fit: FormFit, asked: _Asked, *, weighted: bool, figures: Path | None, as_json: bool
+) -> None:
+    """Say what was found, and draw it if that was asked for."""
+    from fringeworks.geometry.forms.named import name_of
+    from fringeworks.report.summary import summarise_form
+
+    found, drawn = summarise_form(fit, asked.cloud.scale_sigma), []
+    if figures is not None:
+        from fringeworks.report.forms import save_form
+
+        drawn = save_form(asked.cloud, asked.region, fit, figures)
+    output = Output(as_json=as_json)
+    form, frame = name_of(fit), asked.cloud.frame
+    by = ", weighted" if weighted else ""
+    output.line(f"{form} through {found['points']} points of {asked.path.name}, frame: {frame}{by}")
+    facts = FACTS[form](found)
+    if asked.left_out is not None:
+        facts.append(("left out", f"{asked.left_out} points that do not lie on it"))
+    output.facts(facts)
+    output.written(drawn)
+    output.result(
+        found
+        | {"weighted": weighted, "left_out": asked.left_out}
+        | {"cloud": asked.path, "frame": frame, "figures": drawn}
+    )
 
 
 def read_region(cloud: Path, box: str | None, pixels: str | None) -> tuple[Cloud, Region]:
@@ -154,41 +243,3 @@ def read_region(cloud: Path, box: str | None, pixels: str | None) -> tuple[Cloud
         pixels=None if window is None else (window[0], window[1]),
     )
     return read_cloud(cloud), region
-
-
-def _radius(found: Values) -> list[tuple[str, str]]:
-    sigma = f"{found['radius_sigma_mm']:.2g} mm by the points' scatter, each on its own"
-    return [
-        ("radius", f"{found['radius_mm']:.4f} mm"),
-        ("radius sigma", sigma),
-        *_scale("radius", found),
-        *_spread(found),
-        ("range", f"{found['range_mm']:.4f} mm"),
-    ]
-
-
-def _scale(length: str, found: Values) -> list[tuple[str, str]]:
-    """What the calibration board's pitch adds to the length's uncertainty, if that is known."""
-    sigma = found[f"{length}_scale_sigma_mm"]
-    if sigma is None:
-        return []
-    return [(f"{length} scale sigma", f"{sigma:.2g} mm by the calibration board's pitch")]
-
-
-def _spread(found: Values) -> list[tuple[str, str]]:
-    return [
-        ("form rms", f"{found['form_rms_mm']:.4f} mm"),
-        ("band95", f"{found['band95_mm']:.4f} mm"),
-    ]
-
-
-def _numbers(values: Iterable[float], *, digits: int) -> str:
-    return " ".join(f"{value:.{digits}f}" for value in values)
-
-
-def _tell(form: str, found: Values, facts: Iterable[tuple[str, str]], *, as_json: bool) -> None:
-    output = Output(as_json=as_json)
-    cloud, frame = found["cloud"].name, found["frame"]
-    output.line(f"{form} through {found['points']} points of {cloud}, frame: {frame}")
-    output.facts(facts)
-    output.result(found)

@@ -24,13 +24,25 @@ def scan(
     capture: Annotated[Path, typer.Argument(help="Folder with capture.toml and its images.")],
     rig: Annotated[Path, typer.Option("--rig", help="rig.json of `fringeworks calibrate`.")],
     out: Annotated[
-        Path, typer.Option("--out", metavar="CLOUD", help="File to write: .npz, .ply or .xyz.")
+        Path,
+        typer.Option(
+            "--out", metavar="CLOUD", help="File to write: .npz, .ply or others of `convert`."
+        ),
     ],
     axis: Annotated[
         Axis | None,
         typer.Option("--axis", help="Use this axis alone [default: all that are coded]."),
     ] = None,
     z_range: ZRangeOption = None,
+    frame: Annotated[
+        str | None,
+        typer.Option(
+            "--frame",
+            metavar="FRAME",
+            help="Frame of the points: a frame.json, or station, which the rig keeps "
+            "[default: camera].",
+        ),
+    ] = None,
     orders: OrdersOption = "auto",
     group: GroupOption = None,
     figures: Annotated[
@@ -65,6 +77,7 @@ def scan(
     if z_range is not None:
         (depths,) = parse_ranges(z_range, option="--z-range", form="MIN:MAX")
     output = Output(as_json=as_json)
+    from fringeworks.cli.convert import move_to
     from fringeworks.files import read_capture, read_rig, write_cloud
     from fringeworks.pipeline import scan as scan_capture
     from fringeworks.pipeline import scan_stages
@@ -82,7 +95,7 @@ def scan(
         else:
             cloud, decoding = scan_stages(read, calibrated, **options)
         output.findings(read.name, cloud.findings)
-        write_cloud(out, cloud)
+        write_cloud(out, cloud if frame is None else move_to(cloud, frame, (rig, calibrated)))
         drawn: list[Path] = []
         if figures is not None:
             from fringeworks.report.cloud import save_cloud
