@@ -141,12 +141,14 @@ def test_what_measure_says(cloud: Path) -> None:
     assert [line[0] for line in lines] == [
         "plane",
         "normal",
+        "tilt",
+        "offset",
         "offset",
         "form",
         "band95",
         "flatness",
     ]
-    assert all(line[-1] == "mm" for line in lines[2:])
+    assert all({"mm", "degrees"} & set(line) for line in lines[2:])
 
 
 @pytest.mark.parametrize(
