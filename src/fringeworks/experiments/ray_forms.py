@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fringeworks.geometry.align import align_points
 from fringeworks.geometry.forms import fit_cylinder, fit_plane, fit_sphere
-from fringeworks.geometry.lens import project, unproject
+from fringeworks.geometry.lens import pixel_rays, project
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import Rig
 
@@ -117,8 +117,7 @@ def judge_scan(
 def _rays(rig: Rig, step: int) -> Array:
     """``(n, 3)`` rays, z = 1, of every so many pixels each way."""
     y, x = np.mgrid[: rig.camera.height : step, : rig.camera.width : step].astype(np.float64)
-    ideal = unproject(np.column_stack([x.ravel(), y.ravel()]), rig.camera.lens.vector)
-    return np.column_stack([ideal, np.ones(len(ideal))])
+    return pixel_rays(np.column_stack([x.ravel(), y.ravel()]), rig.camera.lens.vector)
 
 
 def see(rig: Rig, points: Array) -> Seen:

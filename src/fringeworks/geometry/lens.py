@@ -82,6 +82,11 @@ def project_jacobian(points: Array, lens: Array) -> tuple[Array, Array, Array]:
     return pixels, by_point, by_lens
 
 
+def pixel_rays(pixels: Array, lens: Array) -> Array:
+    """``(n, 3)`` directions, z = 1, in which a device sees pixels ``(n, 2)``; as `unproject`."""
+    return np.column_stack([unproject(pixels, lens), np.ones(len(pixels))])
+
+
 def unproject_jacobian(pixels: Array, lens: Array) -> tuple[Array, Array]:
     """`unproject` of pixels ``(n, 2)`` with its derivative ``(n, 2, 9)`` by the lens.
 

@@ -12,7 +12,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fringeworks.geometry.lens import unproject
+from fringeworks.geometry.lens import pixel_rays
 from fringeworks.model import Cloud, Frames, Rig
 from fringeworks.report.canvas import (
     CAMERA_COLOUR,
@@ -78,7 +78,7 @@ def _view_edges(rig: Rig, *, of_camera: bool) -> tuple[Array, Array]:
     device = rig.camera if of_camera else rig.projector
     middle = device.lens.cy if of_camera else (device.height - 1) / 2
     edges = np.array([[-0.5, middle], [device.width - 0.5, middle]])
-    rays = np.column_stack([unproject(edges, device.lens.vector), np.ones(2)]) * REFERENCE_MM
+    rays = pixel_rays(edges, device.lens.vector) * REFERENCE_MM
     place = rig.projector_from_camera.inverse()
     ends = rays if of_camera else place.apply(rays)
     start = np.zeros(3) if of_camera else place.translation_mm

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.errors import UsageError
-from fringeworks.geometry.lens import project, unproject
+from fringeworks.geometry.lens import pixel_rays, project
 from fringeworks.model import Rig
 
 Array = NDArray[np.float64]
@@ -43,8 +43,7 @@ class Seen:
     @classmethod
     def of(cls, rig: Rig, camera_px: Array, depth_mm: Array) -> Seen:
         """Points at these depths ``(n,)`` on the rays of these pixels ``(n, 2)``."""
-        ideal = unproject(camera_px, rig.camera.lens.vector)
-        points = np.column_stack([ideal, np.ones(len(ideal))]) * depth_mm[:, None]
+        points = pixel_rays(camera_px, rig.camera.lens.vector) * depth_mm[:, None]
         moved = rig.projector_from_camera.apply(points)
         return cls(points, camera_px, project(moved, rig.projector.lens.vector))
 

@@ -19,7 +19,7 @@ from fringeworks.calibrate.adjust.spread import robust_sigma
 from fringeworks.calibrate.adjust.state import SHARED, RigState
 from fringeworks.calibrate.observe import View
 from fringeworks.errors import CalibrationError
-from fringeworks.geometry.lens import project_jacobian, unproject
+from fringeworks.geometry.lens import pixel_rays, project_jacobian, unproject
 from fringeworks.geometry.minimise import Block, minimise
 from fringeworks.geometry.pose import rotation_matrix, rotation_vector
 from fringeworks.model import Rig
@@ -128,7 +128,7 @@ def _hold(view: View, rig: Rig) -> Seen:
     pose, frame = state.camera_from_board[0], BoardFrame.of([view.board_mm])
     corners, _ = project_corners(state, pose, (view.board_mm[view.kept], frame))
     sites = view.corner_sites
-    rays = np.column_stack([unproject(sites.camera_px, state.camera), np.ones(len(sites))])
+    rays = pixel_rays(sites.camera_px, state.camera)
     turn = np.vstack([rotation_matrix(pose[:3]), pose[3:]])
     depth, _ = cut_rays(rays, turn, (frame, state.board_shape))
     board = rays * depth[:, None]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fringeworks.calibrate.adjust.bundle import Fit
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.settings import ImageSize
-from fringeworks.geometry.lens import project, unproject
+from fringeworks.geometry.lens import pixel_rays, project
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import Finding
 
@@ -72,7 +72,7 @@ def _used_places(fit: Fit, views: Sequence[View], sizes: Sizes) -> tuple[Array, 
         *(np.linspace(0, n - 1, k) for n, k in zip((size.width, size.height), GRID, strict=True))
     )
     camera = np.column_stack([x.ravel(), y.ravel()])
-    rays = np.column_stack([unproject(camera, state.camera), np.ones(len(camera))])
+    rays = pixel_rays(camera, state.camera)
     depths = [
         view.kept_in_camera(pose)[:, 2]
         for view, pose in zip(views, state.camera_from_board, strict=True)

@@ -22,7 +22,7 @@ from fringeworks.calibrate.adjust.spread import robust_sigma
 from fringeworks.calibrate.adjust.state import RigState
 from fringeworks.calibrate.observe import View
 from fringeworks.errors import CalibrationError
-from fringeworks.geometry.lens import unproject
+from fringeworks.geometry.lens import pixel_rays
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import Finding
 
@@ -121,7 +121,7 @@ def find_structure(state: RigState, views: Sequence[View]) -> Structure:
 def _on_board(state: RigState, pose: Array, sites: tuple[Array, BoardFrame]) -> Array:
     """``(m, 2)`` mm: where the board is that camera pixels ``(m, 2)`` see."""
     pixels, frame = sites
-    rays = np.column_stack([unproject(pixels, state.camera), np.ones(len(pixels))])
+    rays = pixel_rays(pixels, state.camera)
     turn, shift = rotation_matrix(pose[:3]), pose[3:]
     depth, _ = cut_rays(rays, np.vstack([turn, shift]), (frame, state.board_shape))
     return np.asarray(((rays * depth[:, None] - shift) @ turn)[:, :2])

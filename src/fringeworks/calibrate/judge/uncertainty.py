@@ -33,7 +33,13 @@ from fringeworks.calibrate.adjust.state import (
     parameter_names,
 )
 from fringeworks.errors import UsageError
-from fringeworks.geometry.lens import project, project_jacobian, unproject, unproject_jacobian
+from fringeworks.geometry.lens import (
+    pixel_rays,
+    project,
+    project_jacobian,
+    unproject,
+    unproject_jacobian,
+)
 from fringeworks.geometry.pose import move_jacobian, rotation_matrix, rotation_vector, skew
 from fringeworks.kernels.triangulate import solve_depth
 from fringeworks.model import Rig
@@ -157,7 +163,7 @@ def triangulate_points(
 
     As `reconstruct` does with these weights of column and row; NaN where that finds no depth.
     """
-    rays = np.column_stack([unproject(camera_px, state.camera), np.ones(len(camera_px))])
+    rays = pixel_rays(camera_px, state.camera)
     turned = rays @ rotation_matrix(state.projector_from_camera[:3]).T
     shift = np.ascontiguousarray(state.projector_from_camera[3:])
     lens = np.ascontiguousarray(state.projector)

@@ -41,7 +41,7 @@ from fringeworks.calibrate.projected.camera import (
 )
 from fringeworks.calibrate.settings import CalibrationSettings, ImageSize
 from fringeworks.errors import CalibrationError
-from fringeworks.geometry.lens import project, project_jacobian, unproject
+from fringeworks.geometry.lens import pixel_rays, project, project_jacobian
 from fringeworks.geometry.minimise import Block, minimise
 from fringeworks.geometry.pose import move_jacobian, rotation_matrix
 
@@ -121,7 +121,7 @@ def fit_paper(
 
 def _on_board(camera_px: Array, lens: Array, pose: Array) -> Array:
     """``(m, 3)`` mm, z = 0, where the rays of pixels meet the board."""
-    rays = np.column_stack([unproject(camera_px, lens), np.ones(len(camera_px))])
+    rays = pixel_rays(camera_px, lens)
     turn, shift = rotation_matrix(pose[:3]), pose[3:]
     depth = (turn[:, 2] @ shift) / (rays @ turn[:, 2])
     places = (rays * depth[:, None] - shift) @ turn

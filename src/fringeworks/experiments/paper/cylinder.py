@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from math import sqrt
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -44,8 +45,11 @@ THICK_MM = 1.0
 
 RIGS = ("paper", "joint")
 DRAWN = ("equations 1 to 3", "extended, paper", "full")
-WIDEST_CHORD_MM = 52.35
-"""Half the distance of the two lines along which a camera at 700 mm sees this cylinder end."""
+AWAY_MM = 700.0
+"""Of the cylinder's axis from the camera."""
+
+WIDEST_CHORD_MM = CYLINDER_RADIUS_MM * sqrt(1 - (CYLINDER_RADIUS_MM / AWAY_MM) ** 2)
+"""Half the distance of the two lines along which a camera there sees this cylinder end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +208,7 @@ def _rows(found: Mapping[tuple[str, str], Measures], bias: float, half_chord: fl
             lit),
         Row("the same, all points, mm", "", f"{first.radius:.3f}", true),
         Row("radius, extended, half-chord, mm", "52.53", f"{extended.half_chord:.2f}",
-            f"{lit}; the widest one visible is {WIDEST_CHORD_MM}"),
+            f"{lit}; the widest one visible is {WIDEST_CHORD_MM:.2f}"),
         Row("radii over 20 to 60 mm, extended, mean, mm", "52.25", f"{extended.section_mean:.3f}",
             true),
         Row("their standard deviation, mm", "0.033", f"{extended.section_sd:.3f}",

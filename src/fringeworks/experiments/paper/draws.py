@@ -29,7 +29,7 @@ from fringeworks.experiments.ray_forms import (
     Seen,
     judge_scan,
 )
-from fringeworks.geometry.lens import project, project_jacobian, unproject
+from fringeworks.geometry.lens import pixel_rays, project, project_jacobian, unproject
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.kernels.paper_model import TURN
 from fringeworks.model import Camera, Extended, Lens, Pose, Projector, Rig
@@ -176,8 +176,7 @@ def scan_fully(forms: Forms, rig: Rig) -> Scan:
     """The forms by the full model, from the projector's column alone."""
 
     def scan(seen: Seen) -> Array:
-        ideal = unproject(seen.camera_px, rig.camera.lens.vector)
-        rays = np.column_stack([ideal, np.ones(len(ideal))])
+        rays = pixel_rays(seen.camera_px, rig.camera.lens.vector)
         return rays * _depths(rays, seen.projector_px[:, 0], rig)[:, None]
 
     return (

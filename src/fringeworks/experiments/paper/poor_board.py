@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.projected.camera import PosedView
 from fringeworks.calibrate.projected.corners import ProjectedCorners
-from fringeworks.geometry.lens import project, unproject
+from fringeworks.geometry.lens import pixel_rays, project
 from fringeworks.model import Pose, Rig
 from fringeworks.twin.scenes import BOARD, BOARD_POSES, board_pose, target_of
 
@@ -114,7 +114,7 @@ def _project_corners(
     """
     lens = rig.projector.lens
     corners = _projector_lattice(pose, rig)
-    rays = np.column_stack([unproject(corners, lens.vector), np.ones(len(corners))])
+    rays = pixel_rays(corners, lens.vector)
     turned = rays @ rig.projector_from_camera.rotation @ pose.rotation
     centre = rig.projector_from_camera.inverse().translation_mm
     origin = pose.inverse().apply(centre)
