@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -82,10 +83,7 @@ def plane(
     their root mean square; no point is left out unless by --robust.
     """
     asked = _read(cloud, box, pixels, robust="plane" if robust else None)
-    from fringeworks.pipeline import measure_plane
-
-    fit = measure_plane(asked.cloud, asked.region, weighted=weighted)
-    _finish(fit, asked, weighted=weighted, figures=figures, as_json=as_json)
+    _measure("plane", asked, weighted=weighted, figures=figures, as_json=as_json)
 
 
 @measure.command(
@@ -109,10 +107,7 @@ def sphere(
     is left out unless by --robust: a box that also holds a wall gives a wrong sphere.
     """
     asked = _read(cloud, box, pixels, robust="sphere" if robust else None)
-    from fringeworks.pipeline import measure_sphere
-
-    fit = measure_sphere(asked.cloud, asked.region, weighted=weighted)
-    _finish(fit, asked, weighted=weighted, figures=figures, as_json=as_json)
+    _measure("sphere", asked, weighted=weighted, figures=figures, as_json=as_json)
 
 
 @measure.command(
@@ -137,10 +132,7 @@ def cylinder(
     --robust: a box that also holds a wall gives a wrong cylinder.
     """
     asked = _read(cloud, box, pixels, robust="cylinder" if robust else None)
-    from fringeworks.pipeline import measure_cylinder
-
-    fit = measure_cylinder(asked.cloud, asked.region, weighted=weighted)
-    _finish(fit, asked, weighted=weighted, figures=figures, as_json=as_json)
+    _measure("cylinder", asked, weighted=weighted, figures=figures, as_json=as_json)
 
 
 @measure.command(
@@ -164,10 +156,7 @@ def cone(
     unless by --robust: a box that also holds a wall gives a wrong cone.
     """
     asked = _read(cloud, box, pixels, robust="cone" if robust else None)
-    from fringeworks.pipeline import measure_cone
-
-    fit = measure_cone(asked.cloud, asked.region, weighted=weighted)
-    _finish(fit, asked, weighted=weighted, figures=figures, as_json=as_json)
+    _measure("cone", asked, weighted=weighted, figures=figures, as_json=as_json)
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,20 +184,27 @@ def _read(cloud: Path, box: str | None, pixels: str | None, *, robust: FormName 
     return _Asked(cloud, kept, region, int(left_out))
 
 
-def _finish(
-    fit: FormFit, asked: _Asked, *, weighted: bool, figures: Path | None, as_json: bool
+def _measure(
+    form: FormName, asked: _Asked, *, weighted: bool, figures: Path | None, as_json: bool
 ) -> None:
-    """Say what was found, and draw it if that was asked for."""
-    from fringeworks.geometry.forms.named import name_of
+    """Fit a form, say what was found, and draw it if that was asked for."""
+    from fringeworks import pipeline
     from fringeworks.report.summary import summarise_form
 
+    verbs: dict[FormName, Callable[..., FormFit]] = {
+        "plane": pipeline.measure_plane,
+        "sphere": pipeline.measure_sphere,
+        "cylinder": pipeline.measure_cylinder,
+        "cone": pipeline.measure_cone,
+    }
+    fit = verbs[form](asked.cloud, asked.region, weighted=weighted)
     found, drawn = summarise_form(fit, asked.cloud.scale_sigma), []
     if figures is not None:
         from fringeworks.report.forms import save_form
 
         drawn = save_form(asked.cloud, asked.region, fit, figures)
     output = Output(as_json=as_json)
-    form, frame = name_of(fit), asked.cloud.frame
+    frame = asked.cloud.frame
     by = ", weighted" if weighted else ""
     output.line(f"{form} through {found['points']} points of {asked.path.name}, frame: {frame}{by}")
     facts = FACTS[form](found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 
 import numpy as np
 
@@ -69,6 +70,15 @@ MOST = {
 product of the largest."""
 
 
+MAGNITUDES = (
+    *("camera.exposure_ms", "camera.full_well_e", "projector.light_per_ms", "projector.gamma"),
+    *("projector.focus_mm", "frame_interval_ms", "camera.read_noise_e", "camera.black_level"),
+    *("camera.prnu", "camera.dsnu", "camera.pixel_seed", "camera.blur_px", "projector.blur_px"),
+    *("projector.defocus_px_m", "projector.flicker", "ambient.light_per_ms", "ambient.mains_hz"),
+)
+SHARES = ("camera.vignetting", "projector.vignetting", "projector.black_light", "ambient.ripple")
+
+
 def check_scene(scene: Scene) -> None:
     """Refuse a scene that cannot be.
 
@@ -121,38 +131,12 @@ def check_effects(effects: Effects) -> None:
     UsageError
         The message names the effect.
     """
-    camera, projector, ambient = effects.camera, effects.projector, effects.ambient
-    positive = {
-        "camera.exposure_ms": camera.exposure_ms,
-        "camera.full_well_e": camera.full_well_e,
-        "projector.light_per_ms": projector.light_per_ms,
-        "projector.gamma": projector.gamma,
-        "projector.focus_mm": projector.focus_mm,
-        "frame_interval_ms": effects.frame_interval_ms,
-    }
-    not_below_zero = {
-        "camera.read_noise_e": camera.read_noise_e,
-        "camera.black_level": camera.black_level,
-        "camera.prnu": camera.prnu,
-        "camera.dsnu": camera.dsnu,
-        "camera.pixel_seed": camera.pixel_seed,
-        "camera.blur_px": camera.blur_px,
-        "projector.blur_px": projector.blur_px,
-        "projector.defocus_px_m": projector.defocus_px_m,
-        "projector.flicker": projector.flicker,
-        "ambient.light_per_ms": ambient.light_per_ms,
-        "ambient.mains_hz": ambient.mains_hz,
-    }
-    shares = {
-        "camera.vignetting": camera.vignetting,
-        "projector.vignetting": projector.vignetting,
-        "projector.black_light": projector.black_light,
-        "ambient.ripple": ambient.ripple,
-    }
-    for name, value in {**positive, **not_below_zero}.items():
+    for name in MAGNITUDES:
         least, most = LEAST.get(name, 0.0), MOST.get(name, MOST_OF_ALL)
+        value = attrgetter(name)(effects)
         _require(least <= value <= most, name, f"{least:g} to {most:g}", value)
-    for name, value in shares.items():
+    for name in SHARES:
+        value = attrgetter(name)(effects)
         _require(0 <= value <= 1, name, "a share, 0 to 1", value)
     _check_choices(effects)
 
