@@ -224,7 +224,7 @@ def _as_list(finding: Finding | None) -> list[Finding]:
 
 
 def _again(start: RigState, views: Sequence[View], settings: CalibrationSettings) -> Fit:
-    fit = refine(start, views, settings)
+    fit = refine(start, views, settings, near=True)
     refuse_nonsense(fit, views)
     return fit
 

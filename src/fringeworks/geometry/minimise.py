@@ -31,7 +31,10 @@ _GAIN = 1e-12
 _HIDDEN_DROP = 1e-6
 """Where no step gains any more, the gradient is believed if Newton's step promises less."""
 
-_FIRST_DAMPING = 1e-3
+FIRST_DAMPING = 1e-3
+NEAR_DAMPING = 1e-9
+"""The first step's where the start is all but the minimum: Newton's step, and if that is worse the
+damping grows faster with every try."""
 _MOST_DAMPING = 1e12
 _HARDLY_ANY = 1e-12
 
@@ -63,10 +66,20 @@ Evaluate: TypeAlias = Callable[[Array], Point]
 
 
 def minimise(
-    model: Model, start: Array, *, huber: float = math.inf, steps: int = MOST_STEPS
+    model: Model,
+    start: Array,
+    *,
+    huber: float = math.inf,
+    steps: int = MOST_STEPS,
+    damping: float = FIRST_DAMPING,
 ) -> Minimum:
     """Least sum of Huber losses of the residuals, beyond `huber` linear; without it, of squares."""
-    return descend(lambda parameters: _evaluate(model, parameters, huber), start, steps=steps)
+    return descend(
+        lambda parameters: _evaluate(model, parameters, huber),
+        start,
+        steps=steps,
+        damping=damping,
+    )
 
 
 def descend(
@@ -74,7 +87,7 @@ def descend(
     start: Array,
     *,
     steps: int = MOST_STEPS,
-    damping: float = _FIRST_DAMPING,
+    damping: float = FIRST_DAMPING,
 ) -> Minimum:
     """Where a loss that is a sum of squares, or nearly, is least; `damping` is the first step's.
 

@@ -39,7 +39,7 @@ from fringeworks.calibrate.adjust.state import (
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.settings import CalibrationSettings
 from fringeworks.calibrate.sites import together
-from fringeworks.geometry.minimise import Block, Minimum, minimise
+from fringeworks.geometry.minimise import FIRST_DAMPING, NEAR_DAMPING, Block, Minimum, minimise
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -84,6 +84,7 @@ def refine(
     *,
     poses_only: bool = False,
     rounds: int = ROUNDS,
+    near: bool = False,
 ) -> Fit:
     """Refine a start with all kept corners and the sites of all views.
 
@@ -97,13 +98,17 @@ def refine(
         Whether the rig is known, and only the boards move.
     rounds
         How often at most it is solved, each time with the weights that the last solution shows.
+    near
+        Whether the start is a solution of all but the same: fewer steps, the same minimum.
     """
     free = free_indices(settings, len(views))
     free = free[free >= SHARED] if poses_only else free
     fit = _fit_of(state, views, converged=False)
+    damping = NEAR_DAMPING if near else FIRST_DAMPING
     for _ in range(rounds):
         problem = _Problem.of(fit, views, (free, settings))
-        minimum = minimise(problem.blocks, problem.start, huber=settings.huber)
+        minimum = minimise(problem.blocks, problem.start, huber=settings.huber, damping=damping)
+        damping = NEAR_DAMPING  # the next round starts where this one ended
         before = fit.spread
         fit = _fit_of(problem.state_at(minimum.parameters), views, converged=minimum.converged)
         if fit.spread.near(before):

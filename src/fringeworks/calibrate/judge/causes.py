@@ -206,7 +206,7 @@ def odd_view(
     for index in range(len(views)):
         poses = np.delete(fit.state.camera_from_board, index, axis=0)
         start = replace(fit.state, camera_from_board=poses)
-        others = refine(start, [*views[:index], *views[index + 1 :]], settings)
+        others = refine(start, [*views[:index], *views[index + 1 :]], settings, near=True)
         if best is None or others.spread.sites < best[1].spread.sites:
             best = index, others
     if best is None or not (best[1].converged and sites_agree(best[1])):

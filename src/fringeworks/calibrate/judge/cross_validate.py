@@ -116,10 +116,10 @@ def prediction_errors(
         kept = [index for index in range(count) if index % folds != fold]
         start = replace(fit.state, camera_from_board=fit.state.camera_from_board[kept])
         # one round: the start's weights are those of the whole solution already
-        solved = refine(start, [views[index] for index in kept], settings, rounds=1)
+        solved = refine(start, [views[index] for index in kept], settings, rounds=1, near=True)
         for index in out if solved.converged else ():
             alone = replace(solved.state, camera_from_board=fit.state.camera_from_board[[index]])
-            posed = refine(alone, [views[index]], settings, poses_only=True, rounds=1)
+            posed = refine(alone, [views[index]], settings, poses_only=True, rounds=1, near=True)
             errors[index] = _error(posed, fit)
     return errors
 
@@ -155,7 +155,7 @@ def choose_lenses(
         if best is None or not wanted:
             break
         settings = _with_k3(settings, best.device)
-        fit = refine(fit.state, views, settings)
+        fit = refine(fit.state, views, settings, near=True)
     return settings, tuple(tried.values())
 
 
@@ -177,7 +177,7 @@ def _try_held(fit: Fit, views: Sequence[View], settings: CalibrationSettings) ->
 def _free_k3(
     fit: Fit, views: Sequence[View], settings: CalibrationSettings, *, device: str
 ) -> Trial:
-    freed = refine(fit.state, views, _with_k3(settings, device), rounds=1)
+    freed = refine(fit.state, views, _with_k3(settings, device), rounds=1, near=True)
     value = float(getattr(freed.state, device)[-1])
     if not freed.converged or freed.covariance is None:
         return Trial(device, value, None)

@@ -135,7 +135,7 @@ def _solve_half(
     settings, first = choice
     half = views[first::2]
     poses = start.camera_from_board[first::2]
-    fit = refine(replace(start, camera_from_board=poses), half, settings)
+    fit = refine(replace(start, camera_from_board=poses), half, settings, near=True)
     if not fit.converged or fit.covariance is None:
         names = ", ".join(view.name for view in half)
         raise CalibrationError(f"half of the views ({names}) fixes no rig: compare nothing with it")
