@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -15,6 +16,21 @@ CAMERA = Camera(752, 480, Lens(1974, 1970, 376, 240, -0.1, 0.05, 2e-4, -3e-4, 0.
 PROJECTOR = Projector(608, 684, Lens(1013, 1015, 300, 700, -0.05, 0.03, 1e-3, -5e-4))
 POSE = Pose(rotation_matrix(np.array([0.02, -0.28, 0.01])), np.array([-180.0, 5.0, 20.0]))
 RIG = Rig(CAMERA, PROJECTOR, POSE)
+
+
+def coarser(rig: Rig, times: float) -> Rig:
+    """The rig with so many times fewer camera pixels each way; it sees and lights the same."""
+    camera, lens = rig.camera, rig.camera.lens
+    coarse = replace(
+        lens,
+        fx=lens.fx / times,
+        fy=lens.fy / times,
+        cx=(lens.cx + 0.5) / times - 0.5,
+        cy=(lens.cy + 0.5) / times - 0.5,
+    )
+    return replace(
+        rig, camera=Camera(int(camera.width / times), int(camera.height / times), coarse)
+    )
 
 
 def plane_points(

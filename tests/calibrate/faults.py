@@ -75,15 +75,26 @@ def shoot(
     effects: Effects = EFFECTS,
     shown: Change | None = None,
     sequence: Sequence | None = None,
+    sets: Sequences[int] | None = None,
 ) -> Capture:
-    """A capture of a board in a place; `shown` is what becomes of an image before the panel."""
+    """A capture of a board in a place; `shown` is what becomes of an image before the panel.
+
+    Frames of other sets than these, if told, are left black.
+    """
     thing = Object("board", board, _pose(where), material)
     stage = Stage(Scene("board", (thing,)), half_rig(), effects)
     rng = np.random.default_rng(7)
     sequence = sequence or three_steps()
+
+    def take(image: Frames) -> Frames:
+        return stage.expose(shown(image) if shown else image, rng=rng)
+
+    camera = stage.rig.camera
     stacks: list[Any] = [
-        np.stack([stage.expose(shown(image) if shown else image, rng=rng) for image in stack])
-        for _, stack in render_sequence(sequence)
+        np.stack([take(image) for image in stack])
+        if sets is None or number in sets
+        else np.zeros((len(stack), camera.height, camera.width), np.uint8)
+        for number, (_, stack) in enumerate(render_sequence(sequence))
     ]
     return Capture(sequence, tuple(stacks), stage.sensor, name=name)
 
@@ -95,7 +106,7 @@ def shoot_all(count: int, **what: Any) -> list[Capture]:
 
 def moved(capture: Capture, where: Place, sets: Sequences[int]) -> Capture:
     """The capture with these of its sets taken after the board had moved to a place."""
-    after = shoot(where, capture.name)
+    after = shoot(where, capture.name, sets=sets)
     frames = tuple(
         (after if index in sets else capture).frames[index] for index in range(len(capture.frames))
     )

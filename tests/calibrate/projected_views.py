@@ -71,12 +71,16 @@ def photograph(scene: Scene, rig: Rig, sequence: Sequence, seed: int) -> Capture
     return replace(made.capture, name=scene.name)
 
 
+def paper_captures(count: int = len(SHOWN_POSES)) -> tuple[Capture, ...]:
+    """The first of five poses before the paper's rig; squares of 20 px."""
+    return tuple(paper_capture(pose) for pose in SHOWN_POSES[:count])
+
+
 @cache
-def paper_captures() -> tuple[Capture, ...]:
-    """Six poses before the paper's rig; squares of 20 px."""
+def paper_capture(pose: int) -> Capture:
     rig, scenes = paper_rig(), board_scene().views()
     sequence = shown_sequence(rig.projector.width, rig.projector.height, 20.0)
-    return tuple(photograph(scenes[i], rig, sequence, seed=i) for i in SHOWN_POSES)
+    return photograph(scenes[pose], rig, sequence, seed=pose)
 
 
 @cache

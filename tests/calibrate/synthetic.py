@@ -67,9 +67,12 @@ def read_maps(state: RigState, index: int, camera_px: Array) -> Array:
     return project(points @ rotation_matrix(relation[:3]).T + relation[3:], state.projector)
 
 
-def dense_sites(state: RigState, *, sigma: float, rng: np.random.Generator) -> list[Sites]:
-    """Three sites across every square, one square beyond the corners too, in each pose."""
-    x, y = np.meshgrid(np.arange(-1, BOARD.columns, 1 / 3), np.arange(-1, BOARD.rows, 1 / 3))
+def dense_sites(
+    state: RigState, *, sigma: float, rng: np.random.Generator, across: int = 3
+) -> list[Sites]:
+    """`across` sites along every square's side, one square beyond the corners too, in each pose."""
+    x, y = (np.arange(-1, count, 1 / across) for count in (BOARD.columns, BOARD.rows))
+    x, y = np.meshgrid(x, y)
     pitch = np.array([BOARD.pitch_x_mm, BOARD.pitch_y_mm])
     board = np.column_stack([np.column_stack([x.ravel(), y.ravel()]) * pitch, np.zeros(x.size)])
     out = []

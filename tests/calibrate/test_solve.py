@@ -270,7 +270,7 @@ def test_swapped_axes(views: list[View]) -> None:
 
 def test_gray_bits_out_of_order(views: list[View]) -> None:
     scrambled = []
-    for view in views:
+    for view in views[:4]:
         column = np.rint(view.projector_px[:, 0]).astype(int) ^ 37
         scrambled.append(with_projector(view, np.stack([column, view.projector_px[:, 1]], axis=1)))
     with pytest.raises(CalibrationError, match=r"px rms, worst in pose_\d .*Gray bits out of"):
@@ -286,7 +286,7 @@ def test_a_moved_board_is_named(views: list[View]) -> None:
 
 
 def test_projector_coordinates_of_another_pose(views: list[View]) -> None:
-    mixed = [*views[:2], with_projector(views[2], views[3].projector_px), *views[3:]]
+    mixed = [*views[:2], with_projector(views[2], views[3].projector_px), views[3]]
     with pytest.raises(CalibrationError, match=r"Without pose_2 the others fit to 0\.\d+ px"):
         calibrate(mixed)
 
@@ -327,6 +327,8 @@ def test_projector_coordinates_that_never_change(views: list[View]) -> None:
 
 
 def test_pitches_that_make_pixels_oblong_are_refused_or_found(views: list[View]) -> None:
+    views = views[:4]
+
     def with_pitch_y(factor: float) -> list[View]:
         return [replace(view, board_mm=view.board_mm * [1, factor, 1]) for view in views]
 

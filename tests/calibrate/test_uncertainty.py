@@ -51,7 +51,7 @@ SAMPLES = 300
 def noisy_views(truth: RigState, *, seed: int) -> list[View]:
     rng = np.random.default_rng(seed)
     views = views_of(truth, sigma=CORNER_SIGMA, site_sigma=SITE_SIGMA, rng=rng)
-    dense = dense_sites(truth, sigma=SITE_SIGMA, rng=rng)
+    dense = dense_sites(truth, sigma=SITE_SIGMA, rng=rng, across=2)
     return [replace(view, dense=sites) for view, sites in zip(views, dense, strict=True)]
 
 

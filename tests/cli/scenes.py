@@ -7,10 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from fringeworks.cli.app import app
+from fringeworks.experiments import code_frame, twin_loop
+from fringeworks.experiments.paper import lab
 from fringeworks.files import read_image, write_capture, write_image, write_rig
 from fringeworks.geometry.pose import rotation_matrix
 from fringeworks.model import (
@@ -25,7 +28,8 @@ from fringeworks.model import (
     Sequence,
 )
 from fringeworks.patterns import frequency_ladder
-from tests.scenes import CAMERA, map_of, plane_points
+from fringeworks.twin.scenes import paper_rig
+from tests.scenes import CAMERA, coarser, map_of, plane_points
 
 RIG = Rig(
     CAMERA,
@@ -43,6 +47,16 @@ PLANE_NORMAL, PLANE_MM = (0.0, -0.2588190451, -0.9659258263), -760.0
 def run(*arguments: object) -> Any:
     """One command in this process: `exit_code`, `stdout`, `stderr`, `exception`."""
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def shrink_camera(patch: pytest.MonkeyPatch, times: float) -> None:
+    """The loops on the twin with so many times fewer camera pixels each way; all else stays.
+
+    What a command does is the same, and its captures take that much squared less time.
+    """
+    seen = coarser(paper_rig(), times)
+    for module in (lab, code_frame, twin_loop):
+        patch.setattr(module, "paper_rig", lambda: seen)
 
 
 def plain(text: str) -> str:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fringeworks.experiments import acceptance_twin
 from fringeworks.files import write_cloud
 from fringeworks.files.acceptance import read_plan, write_plan
 from fringeworks.measure.region import Region
@@ -38,9 +39,11 @@ def accept(*arguments: object) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def twin(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """Where the twin's quick test was run, and what it said."""
+    """Where the twin's quick test was run, and what it said; its rig from four poses."""
     out = tmp_path_factory.mktemp("accept")
-    return out, accept("--twin", "--quick", "--out", out)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(acceptance_twin, "QUICK_POSES_STEP", 4)
+        return out, accept("--twin", "--quick", "--out", out)
 
 
 class TestTwin:
@@ -50,7 +53,7 @@ class TestTwin:
         assert [lot["needed"] for lot in lots.values()] == [10, 10, 7, 6]
         assert [len(lot["readings"]) for lot in lots.values()] == [4, 4, 3, 2]
         assert found["outcome"] in ("fails", "incomplete")
-        # half the pixels, half the poses: a point scatters by 0.3 mm, so a range is below 4
+        # half the pixels, four poses: a point scatters by 0.3 mm, so a range is below 4
         assert 0.1 < found["everyday"]["point_precision_mm"] < 0.6
         assert all(0.5 < one["PF_mm"] < 4 for one in found["balls"])
         assert all(0.5 < one["noise_range_mm"] / one["PF_mm"] < 1.5 for one in found["balls"])

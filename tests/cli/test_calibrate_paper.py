@@ -21,7 +21,7 @@ def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three captures with a projected checkerboard, board.toml beside them."""
     folder = tmp_path_factory.mktemp("paper")
     write_board(folder / "board.toml", target_of(BOARD))
-    for capture in paper_captures()[:3]:
+    for capture in paper_captures(3):
         write_capture(capture, folder / "poses" / capture.name)
     return folder
 
@@ -97,7 +97,7 @@ def test_a_pitch_in_inches_is_a_finding(arguments: list[Path | str], tmp_path: P
 
 
 def test_captures_of_one_name_are_told_apart(arguments: list[Path | str], tmp_path: Path) -> None:
-    for place, capture in zip("abc", paper_captures(), strict=False):
+    for place, capture in zip("abc", paper_captures(3), strict=True):
         write_capture(capture, tmp_path / place / "pose")
     folders = [tmp_path / "a" / "pose", tmp_path / "b" / "pose" / "capture.toml"]
     folders.append(tmp_path / "c" / "pose")
@@ -112,7 +112,7 @@ def coloured(image: NDArray[np.generic]) -> int:
 
 
 def test_without_a_projected_checkerboard(poses: Path, tmp_path: Path) -> None:
-    for capture in paper_captures()[:3]:
+    for capture in paper_captures(3):
         write_capture(without(capture, keep=(0, 1, 3, 4)), tmp_path / "plain" / capture.name)
     done = run(
         "calibrate", tmp_path / "plain", "--board", poses / "board.toml",

@@ -36,7 +36,7 @@ def tell(*arguments: object) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A wall before and after a block came, and two views of the balls."""
+    """A wall before and after a block came, whole and small, and two views of the balls."""
     folder = tmp_path_factory.mktemp("scans")
     rng = np.random.default_rng(1)
     write_cloud(folder / "before.npz", renoise(see(wall_scene()), rng))
@@ -44,6 +44,8 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_cloud(folder / "after.npz", renoise(see(wall_with_step()), rng))
     for turn in (0, 40):
         write_cloud(folder / f"view_{turn}.npz", renoise(see(balls_scene(turn)[0]), rng))
+    for name in ("before", "after"):
+        write_cloud(folder / f"small_{name}.npz", cut(read_cloud(folder / f"{name}.npz")))
     return folder
 
 
@@ -71,9 +73,8 @@ def test_no_change_is_no_error(scans: Path) -> None:
 
 
 def test_compare_with_a_cloud_and_with_a_mesh(scans: Path, tmp_path: Path) -> None:
-    first, second = tmp_path / "first.npz", tmp_path / "second.npz"
-    for path, name in ((first, "before.npz"), (second, "again.npz")):
-        write_cloud(path, cut(read_cloud(scans / name)))
+    first, second = scans / "small_before.npz", tmp_path / "second.npz"
+    write_cloud(second, cut(read_cloud(scans / "again.npz")))
     assert run("convert", first, tmp_path / "wall.stl").exit_code == 0
     for reference in (first, tmp_path / "wall.stl"):
         options = ("--tolerance", 0.5, "--figures", tmp_path / "figures")
@@ -295,23 +296,23 @@ def test_wrong_use_of_compare(
     scans: Path, tmp_path: Path, options: tuple[str, ...], message: str
 ) -> None:
     """Before anything is drawn."""
-    clouds = (scans / "before.npz", scans / "after.npz")
+    clouds = (scans / "small_before.npz", scans / "small_after.npz")
     assert message in refused("compare", *clouds, *options, "--figures", tmp_path / "figures")
     assert not list(tmp_path.iterdir())
 
 
 def test_clouds_of_two_frames(scans: Path, tmp_path: Path) -> None:
     """Their coordinates have nothing to do with each other, however near they are."""
-    elsewhere = replace(read_cloud(scans / "after.npz"), frame="robot")
+    elsewhere = replace(read_cloud(scans / "small_after.npz"), frame="robot")
     write_cloud(tmp_path / "robot.npz", elsewhere)
-    pair = (scans / "before.npz", tmp_path / "robot.npz")
+    pair = (scans / "small_before.npz", tmp_path / "robot.npz")
     assert "frame 'camera' and the reference in 'robot'" in refused("compare", *pair)
     assert "frames 'camera' and 'robot'" in refused("change", *pair)
 
 
 def test_change_takes_sigma_and_room(scans: Path, tmp_path: Path) -> None:
     """Without sigma nothing is significant: that is no answer."""
-    cloud = cut(read_cloud(scans / "after.npz"))
+    cloud = read_cloud(scans / "small_after.npz")
     write_cloud(tmp_path / "cut.npz", cloud)
     write_cloud(tmp_path / "bare.npz", replace(cloud, sigma_mm=np.nan * cloud.sigma_mm))
     done = run("change", tmp_path / "cut.npz", tmp_path / "bare.npz")
@@ -321,12 +322,12 @@ def test_change_takes_sigma_and_room(scans: Path, tmp_path: Path) -> None:
 
 
 def test_nothing_to_compare(scans: Path, tmp_path: Path) -> None:
-    cloud = cut(read_cloud(scans / "after.npz"))
+    cloud = read_cloud(scans / "small_after.npz")
     write_cloud(tmp_path / "void.npz", replace(cloud, xyz=np.nan * cloud.xyz))
     for options, message in (((), "no points to compare"), (("--align",), "aligning takes 100")):
-        done = run("compare", tmp_path / "void.npz", scans / "after.npz", *options)
+        done = run("compare", tmp_path / "void.npz", scans / "small_after.npz", *options)
         assert (done.exit_code, message in done.stderr) == (1, True)
-    done = run("compare", scans / "after.npz", tmp_path / "void.npz")
+    done = run("compare", scans / "small_after.npz", tmp_path / "void.npz")
     assert (done.exit_code, "void.npz: the cloud has no" in done.stderr) == (1, True)
 
 
@@ -350,8 +351,7 @@ def test_wrong_use_of_datum(
 
 def test_names_are_no_formulas(scans: Path, tmp_path: Path) -> None:
     """A dollar in a file's name begins one in a figure's title, and this one has no end."""
-    cloud = cut(read_cloud(scans / "after.npz"))
     name = tmp_path / "$x^{$ 球.npz"
-    write_cloud(name, cloud)
+    write_cloud(name, read_cloud(scans / "small_after.npz"))
     tell("compare", name, name, "--figures", tmp_path / "figures")
     assert (tmp_path / "figures" / "deviation.png").exists()

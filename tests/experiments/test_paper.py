@@ -23,7 +23,7 @@ from fringeworks.files import read_capture
 from fringeworks.geometry.lens import project
 from fringeworks.model import Fringe, Uniform
 from fringeworks.report.page import render_page
-from fringeworks.twin.scenes import paper_rig
+from fringeworks.twin.scenes import paper_rig, wall_scene
 
 PERFECT = Priors((0.0, 0.0), (0.0, 0.0), 0.0, 0.0, (0.0, 0.0))
 
@@ -112,7 +112,7 @@ def test_table_1(tmp_path: Path) -> None:
     assert said["codewords of cylinder and cone"] == "p2, p1"
     assert said["difference of their orders"] == "5"
     kept = (tmp_path / "wall" / "capture.toml").stat().st_mtime_ns
-    read_codes(Lab(tmp_path))
+    Lab(tmp_path).still(wall_scene())
     assert (tmp_path / "wall" / "capture.toml").stat().st_mtime_ns == kept
     capture = only_fringes(read_capture(tmp_path / "wall"))
     kinds = {type(item.pattern) for item in capture.sequence.sets}
