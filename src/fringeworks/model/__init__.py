@@ -16,6 +16,7 @@ from fringeworks.model.phase import (
     AbsolutePhase,
     CodedAxis,
     FloatMap,
+    Fusion,
     Noise,
     ProjectorMap,
     UnwrappedPhase,
@@ -25,6 +26,14 @@ from fringeworks.model.phase import (
 )
 from fringeworks.model.progress import Progress, no_progress
 from fringeworks.model.residual import ModelName, ResidualField
+from fringeworks.model.response import (
+    GreyCurve,
+    ImageExponent,
+    PhaseTerms,
+    RegionCurve,
+    Response,
+    Way,
+)
 from fringeworks.model.rig import Camera, Extended, Lens, Pose, Projector, Quality, Rig
 from fringeworks.model.sequence import (
     AXES,
@@ -65,12 +74,16 @@ __all__ = [
     "FloatMap",
     "Frames",
     "Fringe",
+    "Fusion",
     "GrayCode",
+    "GreyCurve",
+    "ImageExponent",
     "Lens",
     "ModelName",
     "Noise",
     "Pattern",
     "PatternSet",
+    "PhaseTerms",
     "Picture",
     "Pose",
     "Progress",
@@ -78,7 +91,9 @@ __all__ = [
     "ProjectorMap",
     "Quality",
     "Reason",
+    "RegionCurve",
     "ResidualField",
+    "Response",
     "Rig",
     "Sensor",
     "Sequence",
@@ -88,6 +103,7 @@ __all__ = [
     "Uniform",
     "UnwrappedPhase",
     "Void",
+    "Way",
     "WrappedPhase",
     "corners_at",
     "describe_voids",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.errors import ShapeError
+from fringeworks.model.exposures import compose_levels, extrapolate
 from fringeworks.model.finding import Finding
 from fringeworks.model.sequence import Colour, Pattern, PatternSet, Sequence
 
@@ -114,21 +115,66 @@ class Capture:
             dark_colour=self.dark_colour if self.sequence.black_set in chosen else None,
         )
 
+    def at_exposure(self, exposure_ms: float | None) -> Capture:
+        """Only the sets of this exposure; all of them where nothing is shown at several."""
+        if self.sequence.reference_ms is None:
+            return self
+        places = [
+            place
+            for place, item in enumerate(self.sequence.sets)
+            if item.exposure_ms == exposure_ms
+        ]
+        sets = tuple(self.sequence.sets[place] for place in places)
+        return replace(
+            self,
+            sequence=replace(self.sequence, sets=sets),
+            frames=tuple(self.frames[place] for place in places),
+        )
+
     def white(self) -> NDArray[np.float32] | None:
         """Mean ``(H, W)`` of the brightest uniform set above half of full scale, else None."""
-        return self._mean_of(self.sequence.white_set)
+        index = self.sequence.white_set
+        return None if index is None else self.level_of(self.sequence.sets[index].pattern)
 
     def black(self) -> NDArray[np.float32] | None:
         """Mean ``(H, W)`` of the darkest uniform set below half of full scale, else None."""
-        return self._mean_of(self.sequence.black_set)
+        index = self.sequence.black_set
+        return None if index is None else self.level_of(self.sequence.sets[index].pattern)
 
-    def _mean_of(self, index: int | None) -> NDArray[np.float32] | None:
-        if index is None:
-            return None
-        stack = self.frames[index]
+    def level_of(self, pattern: Pattern) -> NDArray[np.float32]:
+        """Mean ``(H, W)`` of a pattern's first set; of all, where it is shown at several exposures.
+
+        Grey levels are then those of the longest exposure (`Sequence.reference_ms`), and may be
+        above full scale.
+        """
+        exposed, reference_ms = self._exposed(pattern), self.sequence.reference_ms
+        if reference_ms is not None and exposed:
+            return compose_levels(
+                exposed,
+                black_level=self.sensor.black_level,
+                saturation=self.sensor.saturation,
+                reference_ms=reference_ms,
+            )
+        stack = next(stack for item, stack in self if item.pattern == pattern)
         alone = len(stack) == 1  # needs no summing
         mean = stack[0].astype(np.float32) if alone else stack.mean(axis=0, dtype=np.float32)
         return np.asarray(mean)
+
+    def saturation_of(self, pattern: Pattern) -> float:
+        """Grey level from which `level_of` of this pattern counts as saturated."""
+        exposed, reference_ms = self._exposed(pattern), self.sequence.reference_ms
+        if reference_ms is None or not exposed:
+            return self.sensor.saturation
+        ratio = reference_ms / min(exposure_ms for exposure_ms, _ in exposed)
+        return float(extrapolate(self.sensor.saturation, ratio, self.sensor.black_level))
+
+    def _exposed(self, pattern: Pattern) -> list[tuple[float, Frames]]:
+        """Exposure, ms, and frames of each set of a pattern that says its exposure."""
+        return [
+            (item.exposure_ms, stack)
+            for item, stack in self
+            if item.pattern == pattern and item.exposure_ms is not None
+        ]
 
     def find(self, kind: type[P]) -> list[tuple[P, Frames, int]]:
         """Patterns of this kind, each with its frames and how often every frame is repeated."""

@@ -22,6 +22,7 @@ NoiseSource: TypeAlias = Literal["camera", "residual", "high-pass"]
 
 VOID_ORDER = -1
 VOID_REGION = -1
+NO_EXPOSURE = 255
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,7 @@ class Void(IntEnum):
     MODULATION = 2
     RESIDUAL = 3
     ORDER = 4
+    OTHER_LIGHT = 5
 
 
 VOID_WORDS = {
@@ -58,6 +60,7 @@ VOID_WORDS = {
     Void.MODULATION: "too little modulation",
     Void.RESIDUAL: "too large a residual",
     Void.ORDER: "no certain order inside the projector's image",
+    Void.OTHER_LIGHT: "light by way of other surfaces",
 }
 
 
@@ -66,6 +69,30 @@ def describe_voids(void: VoidMap) -> str:
     counts = np.bincount(void.ravel(), minlength=len(Void)) / void.size
     parts = [f"{counts[rule]:.1%} {words}" for rule, words in VOID_WORDS.items() if counts[rule]]
     return ", ".join(parts) or "none void"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fusion:
+    """Of which exposures a phase was put together.
+
+    Attributes
+    ----------
+    exposures_ms
+        Shortest first.
+    ruling
+        ``(H, W)`` uint8: place in `exposures_ms` of the one that weighs most; `NO_EXPOSURE` where
+        the phase is void.
+    """
+
+    exposures_ms: tuple[float, ...]
+    ruling: VoidMap
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Of the pixels that have a phase those that each exposure rules; zeros without any."""
+        counts = np.bincount(self.ruling.ravel(), minlength=NO_EXPOSURE + 1)[:NO_EXPOSURE]
+        total = max(int(counts.sum()), 1)
+        return tuple(float(counts[place] / total) for place in range(len(self.exposures_ms)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +114,9 @@ class WrappedPhase:
         Standard deviation of `phase`, rad, from `noise`; NaN where void.
     void
         A `Void` per pixel: why `phase` is NaN.
+    fusion
+        Of which exposures it was put together; None for one exposure. Grey levels are then those
+        of `Sequence.reference_ms`, `noise` that of the longest exposure.
     """
 
     fringe: Fringe
@@ -97,6 +127,7 @@ class WrappedPhase:
     sigma: FloatMap
     noise: Noise
     void: VoidMap
+    fusion: Fusion | None = None
 
 
 @dataclass(frozen=True, slots=True)

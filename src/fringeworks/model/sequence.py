@@ -211,6 +211,17 @@ class Sequence:
         return tuple(dict.fromkeys(name for name in names if name is not None))
 
     @property
+    def reference_ms(self) -> float | None:
+        """Longest exposure, ms, where a pattern of the first group is shown at several, else None.
+
+        Grey levels of all exposures are brought to this one.
+        """
+        sets = (self.sets[place] for place in self.choose_group(None))
+        shown = {(one.pattern, one.exposure_ms) for one in sets if one.exposure_ms is not None}
+        several = len({pattern for pattern, _ in shown}) < len(shown)
+        return max(exposure_ms for _, exposure_ms in shown) if several else None
+
+    @property
     def white_set(self) -> int | None:
         """Index of the brightest uniform set above half of full scale; the first of equals."""
         levels = [(-level, index) for level, index in self._uniform_levels() if level > HALF_LEVEL]
