@@ -8,12 +8,14 @@ import re
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from fringeworks.errors import UsageError
 from fringeworks.model import (
+    AXES,
     Checkerboard,
     Codeword,
     Colour,
@@ -33,8 +35,11 @@ from fringeworks.patterns import (
     check_pattern,
     check_sequence,
     equal_shifts,
+    explain_preset,
     frequency_ladder,
     make_sequence,
+    paired_shifts,
+    probe_sequence,
 )
 
 GUIDE = Path(__file__).parents[2] / "docs" / "patterns.md"
@@ -86,6 +91,62 @@ def test_paper_calibrate(size: tuple[int, int], square: float) -> None:
     whole = patterns("paper", width=size[0], height=size[1])
     assert others == [p for p in whole if not isinstance(p, Codeword)]
     assert shown[-3:] == [Checkerboard(square), Uniform(1.0), Uniform(0.0)]
+
+
+class TestDoubleThreeStep:
+    def test_it_is_two_sets_of_three_that_make_six_equal_steps(self) -> None:
+        fringe = patterns("double-three-step")[0]
+        assert isinstance(fringe, Fringe)
+        degrees = [round(math.degrees(shift)) for shift in fringe.shifts_rad]
+        assert degrees == [120, 0, -120, 180, 60, -60]
+        assert fringe.shifts_rad[:3] == equal_shifts(3)
+        assert sorted(shift % 360 for shift in degrees) == [0, 60, 120, 180, 240, 300]
+
+    def test_other_steps_are_refused(self) -> None:
+        message = "steps must be 6 of preset double-three-step, got 8"
+        with pytest.raises(UsageError, match=message):
+            patterns("double-three-step", steps=8)
+
+    def test_six_steps_leave_less_ripple_than_two_averaged_phases(self) -> None:
+        """Gamma 2.2, harmonics h of `light`: three leave h2 + h4, their mean its square, six h5."""
+        phase = np.linspace(-np.pi, np.pi, 3601)
+        shifts = np.array(paired_shifts())[:, None]
+        light = (0.5 + 0.5 * np.cos(phase - shifts)) ** 2.2 * np.exp(1j * shifts)
+        away = np.exp(-1j * phase)
+        first, second = (np.angle(half.sum(axis=0) * away) for half in (light[:3], light[3:]))
+        three, mean = np.std(first), np.std((first + second) / 2)
+        six = np.std(np.angle(light.sum(axis=0) * away))
+        assert three == pytest.approx(0.20, abs=0.01)  # h2 = 1.2 / 4.2, over sqrt 2
+        assert mean < 1.2 * three**2
+        assert six < 0.1 * mean
+
+
+def test_explained_harmonics_are_rejected_and_the_next_are_not() -> None:
+    """The sentence of each preset against sums of its own shifts."""
+    for preset in PRESETS:
+        fringe = next(p for p in patterns(preset) if isinstance(p, Fringe))
+        steps = fringe.frame_count
+        shifts = np.array(fringe.shifts_rad)
+        let_in = {
+            order
+            for order in range(2, steps + 2)
+            if max(abs(np.exp(1j * (1 + sign * order) * shifts).sum()) for sign in (1, -1)) > 1e-9
+        }
+        assert let_in == {steps - 1, steps + 1}
+        sentence = explain_preset(preset)
+        assert f"let {steps - 1} and {steps + 1} through" in sentence
+        assert f"{math.sqrt(2 / steps):.2f} sigma_I / B" in sentence
+    assert "reject harmonics 2 to 6" in explain_preset("measure")
+
+
+def test_probe() -> None:
+    """White, long fringes, fine ones along both axes, grey stripes under the long ones, black."""
+    shown = [item.pattern for item in probe_sequence(width=608, height=684).sets]
+    fine = [Fringe(axis, period, equal_shifts(4)) for axis in AXES for period in (16.0, 4.0)]
+    stripes = Colour("x", 64.0, ("#404040", "#bfbfbf"))
+    long = Fringe("x", 64.0, equal_shifts(8))
+    assert shown == [Uniform(1.0), long, *fine, stripes, Uniform(0.0)]
+    assert sum(pattern.frame_count for pattern in shown) == 27
 
 
 @given(extent=st.integers(2, 8192))

@@ -79,6 +79,11 @@ def parse_colour(name: str) -> tuple[float, float, float]:
     return red / 255, green / 255, blue / 255
 
 
+def has_hues(pattern: Colour) -> bool:
+    """Whether it takes a colour camera to tell its colours: greys are told by any."""
+    return any(len(set(parse_colour(name))) > 1 for name in pattern.palette)
+
+
 def check_projector(*, width: int, height: int) -> None:
     """Bound a projector's size, px, before anything is allocated for it."""
     least, most = SIZE_RANGE_PX

@@ -21,11 +21,12 @@ from fringeworks.model import (
 def frame_names(sequence: Sequence) -> tuple[tuple[str, ...], ...]:
     """File names of every image of a sequence, set by set, unique in the whole of it.
 
-    The frames of a set stand in the order in which `render_sequence` yields them. A set that
-    would be called like one before it says its place, as ``white_set5.png``; repeats of a frame
-    end in ``_r0``, ``_r1``...
+    The frames of a set stand in the order in which `render_sequence` yields them. Sets of one
+    pattern at several exposures say theirs, as ``white_8ms.png``. A set that would be called like
+    one before it says its place, as ``white_set5.png``; repeats of a frame end in ``_r0``,
+    ``_r1``...
     """
-    stems = [_stem(item.pattern) for item in sequence.sets]
+    stems = [_exposed_stem(item, sequence) for item in sequence.sets]
     return tuple(
         _set_names(item, stem if stem not in stems[:place] else f"{stem}_set{place}")
         for place, (item, stem) in enumerate(zip(sequence.sets, stems, strict=True))
@@ -38,6 +39,13 @@ def _set_names(item: PatternSet, stem: str) -> tuple[str, ...]:
     return tuple(
         f"{stem}{ending}{repeat}.png" for ending in _endings(item.pattern) for repeat in repeats
     )
+
+
+def _exposed_stem(item: PatternSet, sequence: Sequence) -> str:
+    """With the exposure, where all sets of the pattern say theirs and there are several."""
+    stem = _stem(item.pattern)
+    same = {other.exposure_ms for other in sequence.sets if other.pattern == item.pattern}
+    return f"{stem}_{item.exposure_ms:g}ms" if len(same) > 1 and None not in same else stem
 
 
 def _stem(pattern: Pattern) -> str:

@@ -4,7 +4,8 @@
 compare with, and its single code frame. `calibrate`, `measure` and `multi-frequency` follow the
 noise-optimal choices: N >= 4 steps to reject the harmonics of the response, and orders that are
 safe at the edges of every fringe. `paper-calibrate` is what the paper shows to a board: its fringes
-and a projected checkerboard.
+and a projected checkerboard. `double-three-step` is Huang, Hu and Chiang's (2002): three steps, and
+the same three 60 degrees on.
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ from fringeworks.patterns.checks import (
 from fringeworks.patterns.codewords import Codewords, make_code_frame
 from fringeworks.patterns.unique import unique_sequence
 
-Preset: TypeAlias = Literal["paper", "calibrate", "measure", "multi-frequency", "paper-calibrate"]
+Preset: TypeAlias = Literal[
+    "paper", "calibrate", "measure", "multi-frequency", "paper-calibrate", "double-three-step"
+]
 Code: TypeAlias = Literal["none", "gray", "complementary", "staircase", "colour"]
 
 STEPS_RANGE = (3, 64)
@@ -85,6 +88,8 @@ class Recipe:
         no code frame.
     squares_across
         Squares of a projected checkerboard along the shorter side of the image; 0: none.
+    paired
+        Whether the steps are `paired_shifts`, six of them, and not `equal_shifts`.
     """
 
     steps: int
@@ -93,6 +98,7 @@ class Recipe:
     inverted: bool = False
     codewords_px: Codewords = ()
     squares_across: int = 0
+    paired: bool = False
 
 
 PRESETS: MappingProxyType[Preset, Recipe] = MappingProxyType(
@@ -102,6 +108,7 @@ PRESETS: MappingProxyType[Preset, Recipe] = MappingProxyType(
         "measure": Recipe(steps=8, periods_px=(16.0,)),
         "multi-frequency": Recipe(steps=4, code="none"),
         "paper-calibrate": Recipe(steps=3, periods_px=(32.0,), squares_across=SQUARES_ACROSS),
+        "double-three-step": Recipe(steps=6, periods_px=(16.0,), paired=True),
     }
 )
 
@@ -180,6 +187,17 @@ def equal_shifts(steps: int) -> tuple[float, ...]:
     return tuple(2 * math.pi * n / steps for n in range(steps))
 
 
+def paired_shifts() -> tuple[float, ...]:
+    """Shifts, rad, of the double three-step way: three steps, then three 60 degrees on.
+
+    120, 0, -120, 180, 60, -60 degrees (Huang, Hu and Chiang 2002): either half alone is a set of
+    three steps. The mean of their two phases cancels the ripple of three steps to first order; the
+    least squares of all six, which decoding takes, is that of six equal steps and cancels it.
+    """
+    third, sixth = 2 * math.pi / 3, math.pi / 3
+    return (third, 0.0, -third, math.pi, sixth, -sixth)
+
+
 def frequency_ladder(extent: int) -> tuple[float, ...]:
     """Periods, projector px, coarse to fine, that unwrap each other along `extent` pixels.
 
@@ -195,7 +213,7 @@ def frequency_ladder(extent: int) -> tuple[float, ...]:
 def _axis_patterns(recipe: Recipe, axis: Axis, extent: int) -> list[Pattern]:
     """Fringes of one axis, coarse to fine, and the code of the coarsest's orders."""
     periods = _periods(recipe, extent)
-    shifts = equal_shifts(recipe.steps)
+    shifts = paired_shifts() if recipe.paired else equal_shifts(recipe.steps)
     patterns: list[Pattern] = [Fringe(axis, period, shifts) for period in periods]
     if recipe.code != "none" and periods[0] < COARSEST_SHARE * extent:
         patterns.append(_code(recipe, axis, extent, periods[0]))
@@ -249,6 +267,8 @@ def _check_recipe(recipe: Recipe, *, periods_given: bool) -> None:
     least, most = STEPS_RANGE
     steps, periods = recipe.steps, recipe.periods_px
     require(least <= steps <= most, "steps", expected=f"{least} to {most}", actual=steps)
+    fitting = not recipe.paired or steps == len(paired_shifts())
+    require(fitting, "steps", expected="6 of preset double-three-step", actual=steps)
     codes = get_args(Code)
     require(recipe.code in codes, "code", expected=f"one of {', '.join(codes)}", actual=recipe.code)
     sampled = all(SHORTEST_PERIOD_PX <= period < math.inf for period in periods)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fringeworks.model import Frames, Pattern, PatternSet, Sequence
+from fringeworks.model import Frames, GreyCurve, Pattern, PatternSet, Sequence
 from fringeworks.patterns.checks import check_pattern, check_sequence, require
 from fringeworks.patterns.draw import draw
 
@@ -21,7 +21,9 @@ LIGHT_DECIMALS = 12
 bits of a library's cosine would choose between them. Halves go up on every machine."""
 
 
-def render(pattern: Pattern, *, width: int, height: int, bits: int = 8) -> Frames:
+def render(
+    pattern: Pattern, *, width: int, height: int, bits: int = 8, curve: GreyCurve | None = None
+) -> Frames:
     """Grey levels of a pattern's frames.
 
     Parameters
@@ -32,6 +34,8 @@ def render(pattern: Pattern, *, width: int, height: int, bits: int = 8) -> Frame
         Size of the projector, px.
     bits
         Depth, 8 to 16: levels span 0 .. 2^bits - 1.
+    curve
+        The projector's: levels are those that make the pattern's light. None: levels are light.
 
     Returns
     -------
@@ -47,6 +51,8 @@ def render(pattern: Pattern, *, width: int, height: int, bits: int = 8) -> Frame
     check_pattern(pattern, width=width, height=height)
     _check_bits(bits)
     light = draw(pattern, width=width, height=height)
+    if curve is not None:
+        light = curve.level_of(light)
     frames: Frames = np.empty(
         (light.shape[0], height, width, *light.shape[3:]), np.uint8 if bits == 8 else np.uint16
     )
@@ -54,7 +60,9 @@ def render(pattern: Pattern, *, width: int, height: int, bits: int = 8) -> Frame
     return frames
 
 
-def render_sequence(sequence: Sequence, *, bits: int = 8) -> Iterator[tuple[PatternSet, Frames]]:
+def render_sequence(
+    sequence: Sequence, *, bits: int = 8, curve: GreyCurve | None = None
+) -> Iterator[tuple[PatternSet, Frames]]:
     """Each set of the sequence with its images, one set in memory at a time.
 
     The stack holds the set's `image_count` images, its repeats frame by frame. The whole sequence
@@ -62,11 +70,14 @@ def render_sequence(sequence: Sequence, *, bits: int = 8) -> Iterator[tuple[Patt
     """
     check_sequence(sequence)
     _check_bits(bits)
-    return ((item, _render_item(item, sequence, bits)) for item in sequence.sets)
+    return ((item, _render_item(item, sequence, bits, curve)) for item in sequence.sets)
 
 
-def _render_item(item: PatternSet, sequence: Sequence, bits: int) -> Frames:
-    frames = render(item.pattern, width=sequence.width, height=sequence.height, bits=bits)
+def _render_item(
+    item: PatternSet, sequence: Sequence, bits: int, curve: GreyCurve | None
+) -> Frames:
+    size = {"width": sequence.width, "height": sequence.height}
+    frames = render(item.pattern, **size, bits=bits, curve=curve)
     each = np.arange(len(frames)).repeat(item.repeats)
     return frames[each] if item.repeats > 1 else frames
 
