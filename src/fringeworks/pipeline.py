@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from fringeworks.errors import ShapeError, UsageError
+from fringeworks.files.response import response_of_rig
 from fringeworks.geometry.forms import (
     ConeFit,
     CylinderFit,
@@ -26,10 +27,21 @@ from fringeworks.geometry.forms import (
 from fringeworks.measure.board import BoardPlane, BoardSpacing, corner_spacing, fit_board
 from fringeworks.measure.region import Region, select_points
 from fringeworks.measure.weights import normal_sigma
-from fringeworks.model import Axis, Capture, Cloud, ModelName, ProjectorMap, Rig, Target
+from fringeworks.model import (
+    Axis,
+    Capture,
+    Cloud,
+    ModelName,
+    ProjectorMap,
+    Response,
+    Rig,
+    Target,
+)
 from fringeworks.phase.decode import Decoding, decode_phases
 from fringeworks.phase.demodulate import MaskRules
+from fringeworks.phase.exposures import notice_exposures
 from fringeworks.phase.methods import OrdersName
+from fringeworks.phase.response import choose_response, notice_response
 from fringeworks.phase.window import volume_of
 from fringeworks.reconstruct.full import CloudRules, triangulate
 from fringeworks.reconstruct.fused import scan_fused
@@ -50,15 +62,23 @@ def scan(
     mask_rules: MaskRules | None = None,
     cloud_rules: CloudRules | None = None,
     model: ModelName = "full",
+    response: Response | None = None,
 ) -> Cloud:
-    """Capture to cloud, in the camera's frame; in one pass over the frames where that can be."""
-    capture = capture.select(group)
-    if model == "full" and not fields_of(rig, model):
+    """Capture to cloud, in the camera's frame; in one pass over the frames where that can be.
+
+    `response` is taken from images or phases; without it the rig's own, where that fits.
+    """
+    capture, kept = capture.select(group), response_of_rig(rig)
+    used = choose_response(capture, response, kept)
+    plain = used is None and not (mask_rules and mask_rules.other_light)
+    if model == "full" and plain and not fields_of(rig, model):
         plan = prepare_scan(
             capture, rig, orders=orders, mask_rules=mask_rules, cloud_rules=cloud_rules
         )
         cloud = None if plan is None else scan_fused(plan, capture, rig)
         if plan is not None and cloud is not None:
+            findings = (*cloud.findings, *notice_response(capture, used, kept))
+            cloud = replace(cloud, findings=findings)
             return finish_cloud(cloud, rig, axis=plan.axis, rules=cloud_rules)
     cloud, _ = scan_stages(
         capture,
@@ -67,6 +87,7 @@ def scan(
         mask_rules=mask_rules,
         cloud_rules=cloud_rules,
         model=model,
+        response=response,
     )
     return cloud
 
@@ -79,12 +100,17 @@ def scan_stages(
     mask_rules: MaskRules | None = None,
     cloud_rules: CloudRules | None = None,
     model: ModelName = "full",
+    response: Response | None = None,
 ) -> tuple[Cloud, Decoding]:
     """The same cloud one stage after the other, and what was decoded on the way."""
     volume = volume_of(rig, cloud_rules.z_range_mm if cloud_rules else None)
-    decoding = decode_phases(capture, rules=mask_rules, orders=orders, volume=volume)
-    projector_map = decoding.projector_map()
-    return cloud_of(capture, projector_map, rig, rules=cloud_rules, model=model), decoding
+    kept = response_of_rig(rig)
+    used = choose_response(capture, response, kept)
+    decoding = decode_phases(capture, rules=mask_rules, orders=orders, volume=volume, response=used)
+    cloud = cloud_of(capture, decoding.projector_map(), rig, rules=cloud_rules, model=model)
+    fused = notice_exposures(decoding.finest)
+    findings = (*cloud.findings, *notice_response(capture, used, kept), *fused)
+    return replace(cloud, findings=findings), decoding
 
 
 def cloud_of(

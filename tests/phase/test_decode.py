@@ -267,7 +267,7 @@ class TestGroups:
 
     def test_the_same_set_twice(self) -> None:
         sets = [(item.pattern, frames) for item, frames in self.capture_sets()]
-        with pytest.raises(DecodeError, match="300 px along x stand twice in one group: exposures"):
+        with pytest.raises(DecodeError, match="300 px along x stand twice in one group, and"):
             decode_phases(capture_of(*sets, extent=WIDTH))
 
 

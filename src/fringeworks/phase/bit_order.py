@@ -13,7 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.model import Axis, Capture, Frames, Fringe, GrayCode
-from fringeworks.phase.gray import Contrast, inverted_contrast, mean_repeats, uniform_contrast
+from fringeworks.phase.gray import (
+    Contrast,
+    contrast_at,
+    inverted_contrast,
+    mean_repeats,
+    uniform_contrast,
+)
 
 Bits = NDArray[np.bool_]
 
@@ -61,7 +67,11 @@ def find_bit_order(capture: Capture, axis: Axis) -> tuple[int, ...] | None:
 
 def _contrast(capture: Capture, code: GrayCode, frames: Frames) -> Contrast | None:
     """Of white and black, of the inverses, else of fringes: their mean and half their span."""
-    contrast = uniform_contrast(capture) or inverted_contrast(code, frames)
+    shown = next(item for item in capture.sequence.sets if item.pattern == code)
+    seen = uniform_contrast(capture)
+    contrast = (
+        inverted_contrast(code, frames) if seen is None else contrast_at(seen, shown, capture)
+    )
     fringes = next((stack for _, stack, _ in capture.find(Fringe)), None)
     if contrast is not None or fringes is None:
         return contrast

@@ -80,7 +80,7 @@ def order_by_code_frame(frames: AxisFrames) -> Ordered:
             "which fringe is which: say where objects can be, by --rig rig.json, whose volume "
             "counts, or with --z-range MIN:MAX as well; or add a Gray code"
         )
-    saturation = frames.capture.sensor.saturation
+    saturation = frames.capture.saturation_of(code)
     refuse_saturated(image, wrapped, saturation)
     phase = decode_code_frame(
         image,
@@ -135,7 +135,8 @@ def find_code_frame(frames: AxisFrames) -> tuple[Codeword, Frames | FloatMap]:
     """The axis's first code frame, and its grey levels ``(H, W)``."""
     for code, images, _ in frames.capture.find(Codeword):
         if code.axis == frames.axis:
-            return code, images[0] if len(images) == 1 else images.mean(axis=0, dtype=np.float32)
+            alone = len(images) == 1 and frames.capture.sequence.reference_ms is None
+            return code, images[0] if alone else frames.capture.level_of(code)
     raise DecodeError(
         f"the capture has no code frame along {frames.axis}: add one (`--codewords paper`), or "
         "choose another method"

@@ -84,12 +84,26 @@ def _find_shares(frames: AxisFrames) -> tuple[Colour, Floats, Floats]:
                     f"the colour frame along {frames.axis} was seen in grey: record it with a "
                     "colour camera"
                 )
+            _check_exposure(capture, colour)
             seen = images.mean(axis=0, dtype=np.float32)
             return colour, *_between(seen, capture, frames.finest.noise)
     raise DecodeError(
         f"the capture has no colour frame along {frames.axis}: add one (`--code colour`), or "
         "choose another method"
     )
+
+
+def _check_exposure(capture: Capture, colour: Colour) -> None:
+    """White and black in colour are those of their first set: the colour frame's must be alike."""
+    shown = capture.sequence
+    places = [place for place in (shown.white_set, shown.black_set) if place is not None]
+    uniform = {shown.sets[place].exposure_ms for place in places}
+    first = next(item.exposure_ms for item in shown.sets if item.pattern == colour)
+    if shown.reference_ms is not None and uniform - {first}:
+        raise DecodeError(
+            f"the first colour frame along {colour.axis} and the first white and black must have "
+            "one exposure: put those of equal exposure_ms first in capture.toml"
+        )
 
 
 def _between(seen: Floats, capture: Capture, noise: Noise) -> tuple[Floats, Floats]:

@@ -20,12 +20,15 @@ from fringeworks.model import (
     Fringe,
     GrayCode,
     ProjectorMap,
+    Response,
     Void,
     WrappedPhase,
     describe_voids,
 )
 from fringeworks.model.phase import VOID_ORDER
-from fringeworks.phase.demodulate import MaskRules, demodulate
+from fringeworks.phase.demodulate import MaskRules
+from fringeworks.phase.exposures import check_exposures, demodulate_fringe
+from fringeworks.phase.gloss import without_other_light
 from fringeworks.phase.gray import GrayReading, read_gray
 from fringeworks.phase.methods import (
     METHODS,
@@ -36,6 +39,7 @@ from fringeworks.phase.methods import (
     choose_method,
 )
 from fringeworks.phase.orders import AxisFrames, Ordered
+from fringeworks.phase.response import correct_frames
 from fringeworks.phase.window import Volume, coordinate_window
 
 OUTSIDE_SIGMAS = 5.0
@@ -58,6 +62,12 @@ class Decoding:
 
     coded: tuple[CodedAxis, ...]
     relative: tuple[tuple[WrappedPhase, str], ...]
+
+    @property
+    def finest(self) -> tuple[WrappedPhase, ...]:
+        """The finest fringes of every axis that has any."""
+        known = (axis.phase.wrapped for axis in self.coded if axis.phase is not None)
+        return (*known, *(wrapped for wrapped, _ in self.relative))
 
     def projector_map(self) -> ProjectorMap:
         """The coordinates of the axes that have any; an axis that is void everywhere is left out.
@@ -94,6 +104,7 @@ def decode_capture(
     rules: MaskRules | None = None,
     orders: OrdersName = "auto",
     volume: Volume | None = None,
+    response: Response | None = None,
 ) -> ProjectorMap:
     """Projector coordinates of a capture; see `decode_phases`, which it calls.
 
@@ -102,7 +113,9 @@ def decode_capture(
     DecodeError
         No axis of the capture can be decoded, or no pixel is valid.
     """
-    decoding = decode_phases(capture, group=group, rules=rules, orders=orders, volume=volume)
+    decoding = decode_phases(
+        capture, group=group, rules=rules, orders=orders, volume=volume, response=response
+    )
     return decoding.projector_map()
 
 
@@ -113,6 +126,7 @@ def decode_phases(
     rules: MaskRules | None = None,
     orders: OrdersName = "auto",
     volume: Volume | None = None,
+    response: Response | None = None,
 ) -> Decoding:
     """Decode each axis that the capture's group codes.
 
@@ -128,20 +142,24 @@ def decode_phases(
         The method that tells fringe orders.
     volume
         Where objects can be, for methods that ask.
+    response
+        What is taken from images or phases before anything is made of them.
 
     Raises
     ------
     DecodeError
-        One set of fringes stands in the group with several exposures; frames that a method reads
-        besides fringes cannot be read; or no axis has what the method asked for reads.
+        Sets that show the same cannot be fused (`exposures.check_exposures`); frames that a method
+        reads besides fringes cannot be read; or no axis has what the method asked for reads.
     FormatError
         A Gray code has nothing to tell light from dark by.
     UsageError
         There is no such method.
     """
     check_orders(orders)
-    chosen, rules = capture.select(group), rules or MaskRules()
-    phases = {axis: _demodulate_axis(chosen, axis, rules) for axis in AXES}
+    raw, rules = capture.select(group), rules or MaskRules()
+    check_exposures(raw.sequence)
+    chosen = correct_frames(raw, response)
+    phases = {axis: _demodulate_axis(chosen, axis, rules, (raw, response)) for axis in AXES}
     coded: list[CodedAxis] = []
     relative: list[tuple[WrappedPhase, str]] = []
     for axis in AXES:
@@ -155,7 +173,8 @@ def decode_phases(
         if isinstance(told, str):
             relative.append((frames.finest, told))
         else:
-            coded.append(_axis_from_fringes(frames, told))
+            found = _axis_from_fringes(frames, told)
+            coded.append(without_other_light(found, frames.phases) if rules.other_light else found)
     if orders != "auto" and relative and not coded:
         raise DecodeError("; ".join(why for _, why in relative))
     return Decoding(tuple(coded), tuple(relative))
@@ -191,18 +210,12 @@ def _read_gray_alone(
     return read_gray(capture, axis, fringes=fringes, least_modulation=least)
 
 
-def _demodulate_axis(capture: Capture, axis: Axis, rules: MaskRules) -> list[WrappedPhase]:
-    phases: list[WrappedPhase] = []
-    for fringe, frames, repeats in capture.find(Fringe):
-        if fringe.axis != axis:
-            continue
-        if any(done.fringe == fringe for done in phases):
-            raise DecodeError(
-                f"fringes of {fringe.period_px:g} px along {axis} stand twice in one group: "
-                "exposures are not fused yet; give each its own `group` in capture.toml"
-            )
-        phases.append(demodulate(frames, fringe, capture.sensor, repeats=repeats, rules=rules))
-    return phases
+def _demodulate_axis(
+    capture: Capture, axis: Axis, rules: MaskRules, raw: tuple[Capture, Response | None]
+) -> list[WrappedPhase]:
+    """Each fringe once, whatever the exposures at which it was shown."""
+    shown = dict.fromkeys(fringe for fringe, *_ in capture.find(Fringe) if fringe.axis == axis)
+    return [demodulate_fringe(fringe, capture, raw[1], rules=rules, raw=raw[0]) for fringe in shown]
 
 
 def _axis_from_gray(capture: Capture, reading: GrayReading, rules: MaskRules) -> CodedAxis:

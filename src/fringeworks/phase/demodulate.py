@@ -35,11 +35,14 @@ class MaskRules:
         Modulation must reach both this many sigma of the noise and this share of full scale.
     residual_sigmas
         The fit's residual may not exceed this many sigma of the noise (four frames or more).
+    other_light
+        Whether pixels are void that get light by way of other surfaces (`phase.gloss`).
     """
 
     modulation_sigmas: float = 5.0
     modulation_share: float = 8 / 255
     residual_sigmas: float = 5.0
+    other_light: bool = False
 
     def least_modulation(self, sensor: Sensor) -> float:
         """Grey levels that the modulation must reach whatever the noise."""

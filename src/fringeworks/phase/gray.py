@@ -14,6 +14,7 @@ with none it lies anywhere in its cell.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence as Items
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,9 +29,11 @@ from fringeworks.model import (
     Frames,
     GrayCode,
     Noise,
+    PatternSet,
     WrappedPhase,
     gray_cells,
 )
+from fringeworks.model.exposures import extrapolate
 from fringeworks.phase.noise import image_noise
 
 DOUBT_SIGMAS = 2.0
@@ -150,7 +153,9 @@ def read_gray(
     Light is told from dark by the inverse frames, else by the mean of white and black, else by the
     offset of `fringes` on the same scene. The noise is that of the fringes too; without any, the
     camera's own, or that of the first bit where the modulation reaches `least_modulation` grey
-    levels.
+    levels. A code shown at several exposures is read at each, by light and dark as they would be
+    there, and a pixel is from the longest at which none of its frames is saturated (else from the
+    shortest).
 
     Raises
     ------
@@ -160,13 +165,37 @@ def read_gray(
     codes = [entry for entry in capture.find(GrayCode) if entry[0].axis == axis]
     if not codes:
         return None
-    code, frames, repeats = min(codes, key=lambda entry: entry[0].code_px)
-    frames = mean_repeats(frames, repeats)
+    code = min((entry[0] for entry in codes), key=lambda entry: entry.code_px)
+    shown = [(item, stack) for item, stack in capture if item.pattern == code]
+    shown.sort(key=lambda entry: entry[0].exposure_ms or 0.0)
+    readings = [
+        _read_set(capture, code, entry, fringes=fringes, least_modulation=least_modulation)
+        for entry in shown
+    ]
+    if len(readings) == 1:
+        return readings[0]
     contrast = uniform_contrast(capture) or _contrast_of(fringes)
-    contrast = contrast or inverted_contrast(code, frames)
+    return _longest_unsaturated(readings, [stack for _, stack in shown], capture, contrast)
+
+
+def _read_set(
+    capture: Capture,
+    code: GrayCode,
+    entry: tuple[PatternSet, Frames],
+    *,
+    fringes: WrappedPhase | None,
+    least_modulation: float,
+) -> GrayReading:
+    """One set of a code's frames, in its own grey levels."""
+    item, stack = entry
+    frames = mean_repeats(stack, item.repeats)
+    scaled = uniform_contrast(capture) or _contrast_of(fringes)
+    contrast = (
+        inverted_contrast(code, frames) if scaled is None else contrast_at(scaled, item, capture)
+    )
     if contrast is None:
         raise FormatError(
-            f"the Gray code along {axis} has nothing to tell light from dark by: add the "
+            f"the Gray code along {code.axis} has nothing to tell light from dark by: add the "
             "inverted frames, or white and black frames, or fringes"
         )
     if fringes is not None:
@@ -174,9 +203,48 @@ def read_gray(
     else:
         lit = contrast.modulation >= least_modulation
         noise = image_noise(frames[:1], lit, sensor=capture.sensor)
-    extent = capture.sequence.extent(axis)
+    extent = capture.sequence.extent(code.axis)
     coordinate, at_edge = decode_gray(code, frames, extent=extent, contrast=contrast, noise=noise)
     return GrayReading(code, coordinate, at_edge, contrast, noise)
+
+
+def contrast_at(contrast: Contrast, item: PatternSet, capture: Capture) -> Contrast:
+    """Light and dark, known at the longest exposure, as the set of a capture shows them.
+
+    Both end at saturation: where dark is saturated too the modulation is zero.
+    """
+    reference_ms, sensor = capture.sequence.reference_ms, capture.sensor
+    if reference_ms is None or item.exposure_ms is None:
+        return contrast
+    ratio, top = item.exposure_ms / reference_ms, np.float32(sensor.saturation)
+    light, dark = (
+        np.asarray(np.minimum(extrapolate(level, ratio, sensor.black_level), top), np.float32)
+        for level in (
+            contrast.offset + contrast.modulation,
+            contrast.offset - contrast.modulation,
+        )
+    )
+    half = np.float32(0.5)
+    return Contrast(half * (light + dark), half * (light - dark))
+
+
+def _longest_unsaturated(
+    readings: Items[GrayReading],
+    stacks: Items[Frames],
+    capture: Capture,
+    contrast: Contrast | None,
+) -> GrayReading:
+    """Of readings of one code, shortest exposure first, each pixel's as `read_gray` says.
+
+    `contrast` is that of the longest exposure; None: that of its own frames.
+    """
+    first, last = readings[0], readings[-1]
+    coordinate, at_edge = first.coordinate.copy(), first.at_edge.copy()
+    for reading, stack in zip(readings[1:], stacks[1:], strict=True):
+        clear = stack.max(axis=0) < capture.sensor.saturation
+        np.copyto(coordinate, reading.coordinate, where=clear)
+        np.copyto(at_edge, reading.at_edge, where=clear)
+    return GrayReading(first.code, coordinate, at_edge, contrast or last.contrast, last.noise)
 
 
 def _contrast_of(fringes: WrappedPhase | None) -> Contrast | None:

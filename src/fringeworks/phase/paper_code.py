@@ -123,7 +123,7 @@ def read_code_frame(frames: AxisFrames, name: NameCodeword = name_by_spectrum) -
     """
     code, grey = find_code_frame(frames)
     where, wrapped = _where(frames, code), find_fringes(frames, code)
-    refuse_saturated(grey, wrapped, frames.capture.sensor.saturation)
+    refuse_saturated(grey, wrapped, frames.capture.saturation_of(code))
     unwrapped, phase = find_regions(wrapped), wrapped.phase
     found: list[RegionCode] = []
     for period in find_feature_periods(phase, unwrapped.region, code.axis):

@@ -18,11 +18,11 @@ import numpy as np
 from scipy.special import ndtr
 
 from fringeworks.errors import DecodeError
-from fringeworks.model import AbsolutePhase, FloatMap, Fringe, Staircase, WrappedPhase
+from fringeworks.model import AbsolutePhase, FloatMap, Staircase, WrappedPhase
 from fringeworks.model.phase import VOID_ORDER
 from fringeworks.model.sequence import fringe_orders
 from fringeworks.phase.chained import PIXEL_NATS, find_carrier, refine
-from fringeworks.phase.demodulate import demodulate
+from fringeworks.phase.exposures import demodulate_stair
 from fringeworks.phase.orders import AxisFrames, Ordered
 
 STEP_SIGMA_PX = 1.0
@@ -62,10 +62,9 @@ def order_by_staircase(frames: AxisFrames) -> Ordered:
 
 def _find_stair(frames: AxisFrames) -> tuple[Staircase, WrappedPhase]:
     """The axis's first staircase, and its phase."""
-    for stair, images, repeats in frames.capture.find(Staircase):
+    for stair, *_ in frames.capture.find(Staircase):
         if stair.axis == frames.axis:
-            shown = Fringe(stair.axis, stair.period_px, stair.shifts_rad)
-            return stair, demodulate(images, shown, frames.capture.sensor, repeats=repeats)
+            return stair, demodulate_stair(stair, frames.capture)
     raise DecodeError(
         f"the capture has no staircase along {frames.axis}: add one (`--code staircase`), or "
         "choose another method"

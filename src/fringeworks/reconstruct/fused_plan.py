@@ -1,8 +1,8 @@
 """Which captures go from frames to cloud in one pass, and how their frames go into the kernel.
 
 They have fringes along one axis, their orders told by a Gray code, by other fringes or by both,
-step by step without beats; bits without inverses; one white and one black frame if any. All else
-goes the way of `phase.decode` and `full`.
+step by step without beats; bits without inverses; one white and one black frame if any; all at one
+exposure. All else goes the way of `phase.decode` and `full`.
 """
 
 from __future__ import annotations
@@ -137,6 +137,8 @@ def _find_coded(capture: Capture, orders: OrdersName) -> _Coded | None:
     patterns = [pattern for pattern, *_ in fringes]
     axes = {pattern.axis for pattern in patterns} | {code.axis for code, *_ in codes}
     if len(axes) != 1 or not patterns or len(set(patterns)) < len(patterns):
+        return None
+    if capture.sequence.reference_ms is not None:
         return None
     if orders not in ("auto", "gray", "frequencies") or (orders == "gray" and not codes):
         return None

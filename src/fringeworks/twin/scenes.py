@@ -55,6 +55,8 @@ WORKING_DEPTH_MM = (540.0, 780.0)
 
 CYLINDER_RADIUS_MM = 52.5
 PLASTER = Material(albedo=0.75)
+GLOSSY = Material(albedo=0.4, gloss=0.3, gloss_exponent=60.0)
+SATIN = Material(albedo=0.15, gloss=0.2, gloss_exponent=12.0)
 PAPER = Material(albedo=0.8, dark_albedo=0.06)
 UPRIGHT = (90.0, 0.0, 0.0)
 """Rotation, degrees, that turns a shape's z axis into -y: upwards."""
@@ -163,6 +165,20 @@ def balls_scene() -> Scene:
     return Scene("balls", tuple(placed))
 
 
+def contrast_scene() -> Scene:
+    """Near black beside near white beside gloss: more than one exposure can show."""
+    wall = Object("wall", Plane(), place((0.0, 0.0, 730.0), (-6.0, 8.0, 0.0)), Material(0.35))
+    solids = (
+        Object("white", Box((46.0, 46.0, 30.0)), place((-66.0, -36.0, 700.0)), Material(0.95)),
+        Object("black", Box((46.0, 46.0, 30.0)), place((-6.0, -36.0, 700.0)), Material(0.03)),
+        Object("glossy", Sphere(24.0), place((62.0, -34.0, 695.0)), GLOSSY),
+        Object("satin", Cylinder(22.0, 60.0), place((-62.0, 40.0, 700.0), UPRIGHT), SATIN),
+        Object("dark", Sphere(26.0), place((4.0, 42.0, 695.0)), Material(0.06)),
+        Object("grey", Cone(26.0, 60.0), place((68.0, 70.0, 695.0), UPRIGHT), Material(0.2)),
+    )
+    return Scene("contrast", (wall, *solids))
+
+
 BOARD = Board(columns=11, rows=8, square_mm=13.0)
 
 
@@ -243,6 +259,7 @@ SCENES: Mapping[str, Callable[[], Scene]] = MappingProxyType(
         "wall": wall_scene,
         "step": step_scene,
         "balls": balls_scene,
+        "contrast": contrast_scene,
         "board": board_scene,
     }
 )

@@ -12,6 +12,7 @@ from fringeworks.model import (
     Capture,
     Colour,
     Frames,
+    GreyCurve,
     PatternSet,
     Progress,
     Rig,
@@ -41,13 +42,14 @@ def simulate(
     *,
     effects: Effects | None = None,
     rng: np.random.Generator,
+    curve: GreyCurve | None = None,
     progress: Progress = no_progress,
 ) -> Simulation:
     """Show a sequence image by image, one every `frame_interval_ms`, and take a frame of each.
 
     A colour camera's frames are kept as their luma, but for those of `Colour` sets and of the
     white and the black one, as a reader of its files would. The further places of a posed object
-    are not looked at: a scene is one capture.
+    are not looked at: a scene is one capture. `curve` pre-distorts what is shown.
 
     Raises
     ------
@@ -58,7 +60,7 @@ def simulate(
     """
     effects = effects or Effects()
     stage = Stage(scene, rig, effects)
-    images = _images(sequence, effects.projector.bits)
+    images = _images(sequence, effects.projector.bits, curve)
     count = sum(item.image_count for item in sequence.sets)
     interval_s = effects.frame_interval_ms / 1000
     frames: list[list[Frames]] = [[] for _ in sequence.sets]
@@ -82,8 +84,10 @@ def simulate(
     return Simulation(capture, stage.truth())
 
 
-def _images(sequence: Sequence, bits: int) -> Iterator[tuple[int, PatternSet, Frames]]:
+def _images(
+    sequence: Sequence, bits: int, curve: GreyCurve | None
+) -> Iterator[tuple[int, PatternSet, Frames]]:
     """Every image with its set and the set's place."""
-    for place, (item, stack) in enumerate(render_sequence(sequence, bits=bits)):
+    for place, (item, stack) in enumerate(render_sequence(sequence, bits=bits, curve=curve)):
         for image in stack:
             yield place, item, image
