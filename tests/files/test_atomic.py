@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import os
+import time
 from pathlib import Path
 
 import pytest
 
 from fringeworks.errors import FormatError
-from fringeworks.files.atomic import replacing
+from fringeworks.files.atomic import STALE_S, replacing
 
 
 def test_success_replaces_the_old_file(tmp_path: Path) -> None:
@@ -54,6 +56,18 @@ def test_the_longest_names(tmp_path: Path, name: str) -> None:
     with replacing(tmp_path / name) as temporary:
         temporary.write_text("new")
     assert (tmp_path / name).read_text() == "new"
+
+
+def test_what_a_killed_writer_left_goes_when_it_is_a_day_old(tmp_path: Path) -> None:
+    old, new = (tmp_path / f".fringeworks-{digit * 32}.png" for digit in "ab")
+    other = tmp_path / ".fringeworks-mine.png"
+    for path in (old, new, other):
+        path.write_text("half")
+    for path, age in ((old, STALE_S + 60), (new, STALE_S - 60), (other, 2 * STALE_S)):
+        os.utime(path, (time.time() - age,) * 2)
+    with replacing(tmp_path / "rig.json") as temporary:
+        temporary.write_text("new")
+    assert set(tmp_path.iterdir()) == {new, other, tmp_path / "rig.json"}
 
 
 def test_parents_are_made(tmp_path: Path) -> None:

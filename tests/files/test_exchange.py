@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import struct
+import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +16,7 @@ import pytest
 from scipy.io import loadmat, savemat
 
 from fringeworks.errors import FormatError, FringeworksError, UsageError
-from fringeworks.files import read_rig, write_rig
+from fringeworks.files import mat5, read_rig, write_rig
 from fringeworks.files.exchange import (
     NAMES,
     Given,
@@ -149,8 +151,26 @@ def test_matlab_lacks_a_field(tmp_path: Path) -> None:
 
 
 def test_a_mat_that_is_not_packed(tmp_path: Path) -> None:
-    savemat(tmp_path / "a.mat", {"M1": np.eye(3)}, do_compression=False)
-    with pytest.raises(FormatError, match="save it again with -v7"):
+    """Version 6; texts, cells and complex numbers are not looked at."""
+    (path,) = write_matlab(tmp_path / "rig.mat", RIG)
+    params = loadmat(path, struct_as_record=True)["stereoParams"]
+    further = {"units": "mm", "views": np.array([[1, "a"]], dtype=object), "z": 1j}
+    savemat(tmp_path / "a.mat", {**further, "p": params}, do_compression=False)
+    same(read_foreign(tmp_path / "a.mat"), RIG)
+
+
+def test_matlab_7_3_is_named(tmp_path: Path) -> None:
+    head = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
+    (tmp_path / "a.mat").write_bytes(head + bytes(512))
+    with pytest.raises(FormatError, match=r"version 7\.3 is not read: save it again with -v7"):
+        read_foreign(tmp_path / "a.mat")
+
+
+def test_matlab_bombs_are_not_unpacked(tmp_path: Path) -> None:
+    packed = zlib.compress(bytes(mat5.MAX_UNPACKED + 8), 9)
+    part = struct.pack("<II", 15, len(packed)) + packed
+    (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0".ljust(124) + b"\x00\x01IM" + part)
+    with pytest.raises(FormatError, match="more than 67108864 bytes unpacked"):
         read_foreign(tmp_path / "a.mat")
 
 

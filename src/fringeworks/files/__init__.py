@@ -11,6 +11,7 @@ from fringeworks.files.cloud import read_cloud, write_cloud
 from fringeworks.files.data import data_folder, find_data
 from fringeworks.files.images import read_image, write_image
 from fringeworks.files.phase import read_phase, write_phase
+from fringeworks.files.response import read_response, write_response
 from fringeworks.files.rig import read_rig, write_rig
 from fringeworks.files.scene import read_scene, write_scene
 from fringeworks.files.sensor import read_sensor, write_sensor
@@ -24,6 +25,7 @@ __all__ = [
     "read_cloud",
     "read_image",
     "read_phase",
+    "read_response",
     "read_rig",
     "read_scene",
     "read_sensor",
@@ -33,6 +35,7 @@ __all__ = [
     "write_cloud",
     "write_image",
     "write_phase",
+    "write_response",
     "write_rig",
     "write_scene",
     "write_sensor",

@@ -28,6 +28,7 @@ from fringeworks.model.capture import Capture, Frames, Sensor
 from fringeworks.model.finding import Finding
 from fringeworks.model.progress import Progress, no_progress
 from fringeworks.model.sequence import Colour, Fringe, GrayCode, Pattern, PatternSet, Sequence
+from fringeworks.patterns.checks import has_hues
 
 CAPTURE_TOML = "capture.toml"
 
@@ -53,7 +54,7 @@ def read_capture(
     UsageError
         The capture has no `group` of that name.
     """
-    path = _find_description(Path(folder_or_toml))
+    path = find_description(Path(folder_or_toml))
     folder = path.parent
     file = parse_capture(read_toml(path), path)
     sequence = describe_sequence(file)
@@ -108,7 +109,14 @@ def describe_sequence(file: CaptureFile) -> Sequence:
     return Sequence(file.projector.width, file.projector.height, sets)
 
 
-def _find_description(path: Path) -> Path:
+def find_description(path: Path) -> Path:
+    """The ``capture.toml`` of a folder, or `path` itself where it is a file.
+
+    Raises
+    ------
+    FormatError
+        There is none.
+    """
     with told(path, "read"):
         if path.is_file():
             return path
@@ -214,7 +222,8 @@ def _notice_images(
         found.append(Finding("note", f"{message}: converted to grey (BT.601 luma)."))
     for row, index in zip(images, chosen, strict=True):
         seen = all(image.header.is_colour for image in row)
-        if isinstance(file.set[index].pattern(), Colour) and not seen:
+        pattern = file.set[index].pattern()
+        if isinstance(pattern, Colour) and has_hues(pattern) and not seen:
             what = f"{place(index, file.set[index])}: its images are grey."
             found.append(Finding("warning", what, "Record them with a colour camera."))
     return found

@@ -106,18 +106,24 @@ def _check_shared(item: ImageSet, file: CaptureFile) -> Iterator[str]:
     for index, other in _earlier(item, file):
         shared = set(mine) & set(_names(other)) if isinstance(other, _CODED) else ()
         if shared:
-            name = min(shared, key=mine.index)
+            name = next(name for name in mine if name in shared)
             yield f"image '{name}' is in {place(index, other)} as well, which shows another pattern"
 
 
 def _check_gray_twice(item: ImageSet, file: CaptureFile) -> Iterator[str]:
     assert isinstance(item, GraySet)
     for index, other in _earlier(item, file):
-        if isinstance(other, GraySet) and (other.axis, other.cell_px) == (item.axis, item.cell_px):
+        if isinstance(other, GraySet) and _shown_as(other) == _shown_as(item):
             yield (
                 f"Gray codes with axis '{item.axis}', cell_px = {item.cell_px:g} stand twice in "
-                f"one group, here and in {place(index, other)}; give them different groups"
+                f"one group, here and in {place(index, other)}; give them different groups, or "
+                "each the `exposure_ms` it was taken with"
             )
+
+
+def _shown_as(item: GraySet) -> tuple[str, float, float | None]:
+    """What two Gray codes of one group may not share: at other exposures they are one code."""
+    return item.axis, item.cell_px, item.exposure_ms
 
 
 def _earlier(item: ImageSet, file: CaptureFile) -> Iterator[tuple[int, ImageSet]]:

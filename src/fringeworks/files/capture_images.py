@@ -20,7 +20,7 @@ from fringeworks.errors import FormatError
 from fringeworks.files.image_header import ImageHeader, inspect_image
 from fringeworks.files.images import decode_image, quiet_opencv
 from fringeworks.files.inside import locate_inside
-from fringeworks.files.validation import SHOWN
+from fringeworks.files.validation import SHOWN, clip
 from fringeworks.model.capture import Frames, to_grey
 from fringeworks.model.progress import Progress, no_progress
 
@@ -57,7 +57,7 @@ def locate_images(folder: Path, names: Iterable[str]) -> list[Path]:
         missing = list(dict.fromkeys(missing))
         shown = ", ".join(missing[:SHOWN]) + (", ..." if len(missing) > SHOWN else "")
         raise FormatError(
-            f"{folder}: {len(missing)} of {len(set(wanted))} images are missing: {shown}; "
+            f"{folder}: {len(missing)} of {len(set(wanted))} images are missing: {clip(shown)}; "
             "record them, or correct the names in capture.toml"
         )
     return paths

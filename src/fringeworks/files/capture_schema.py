@@ -33,6 +33,7 @@ from fringeworks.model.sequence import (
 CAPTURE_FORMAT = "fringeworks-capture/1"
 
 MAX_EXTENT_PX = 65536
+MOST_SETS = 1000  # each is held against all before it
 Extent = Annotated[int, Field(ge=1, le=MAX_EXTENT_PX)]
 Period = Annotated[float, Field(ge=2, le=MAX_EXTENT_PX * 16)]
 Cell = Annotated[float, Field(ge=1, le=MAX_EXTENT_PX)]
@@ -234,7 +235,7 @@ class CaptureFile(Table):
 
     format: Literal["fringeworks-capture/1"]
     projector: ProjectorTable
-    set: Annotated[list[AnySet], Field(min_length=1)]
+    set: Annotated[list[AnySet], Field(min_length=1, max_length=MOST_SETS)]
     camera: CameraTable = CameraTable()
     provenance: dict[str, Any] = Field(default_factory=dict)
 

@@ -10,6 +10,7 @@ import numpy as np
 from fringeworks.errors import FormatError
 from fringeworks.files.atomic import replacing
 from fringeworks.files.cloud_points import points_cloud
+from fringeworks.files.validation import clip
 from fringeworks.model import Cloud
 
 
@@ -26,7 +27,7 @@ def read_xyz_cloud(path: Path) -> Cloud:
             warnings.simplefilter("ignore")  # an empty file: the shape tells
             points = np.loadtxt(path, usecols=(0, 1, 2), ndmin=2, encoding="utf-8")
     except (ValueError, OSError) as error:
-        raise FormatError(f"{path}: not lines of x y z ({error})") from None
+        raise FormatError(f"{path}: not lines of x y z ({clip(error)})") from None
     if points.size == 0:
         raise FormatError(f"{path}: holds no points")
     return points_cloud(path, points[None])

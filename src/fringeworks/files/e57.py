@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fringeworks.errors import FormatError, MissingExtraError
 from fringeworks.files.atomic import replacing
 from fringeworks.files.cloud_points import MAX_POINTS, eight_bit, float32, points_cloud
+from fringeworks.files.validation import clip
 from fringeworks.model import Cloud
 
 MM_PER_M = 1000.0
@@ -133,7 +134,7 @@ def _on_grid(path: Path, scan: dict[str, NDArray[Any]]) -> Cloud:
 
 def _first_line(error: Exception) -> str:
     """What the library says, without where in its sources."""
-    return next(iter(str(error).splitlines()), type(error).__name__)
+    return clip(next(iter(str(error).splitlines()), type(error).__name__))
 
 
 def _library(path: Path) -> Any:

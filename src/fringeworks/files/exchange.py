@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from fringeworks.errors import FormatError, UsageError
 from fringeworks.files.atomic import replacing, write_text
 from fringeworks.files.foreign_mat import read_mat, write_mat
-from fringeworks.files.validation import read_text
+from fringeworks.files.foreign_storage import read_storage
+from fringeworks.files.validation import clip, shorten
 from fringeworks.geometry.pose import invert_pose
 from fringeworks.model import Camera, Lens, Pose, Projector, Rig
 
@@ -91,7 +92,7 @@ def read_foreign(path: str | Path, given: Given | None = None) -> Rig:
     path, given = Path(path), given or Given()
     suffix = path.suffix.lower()
     if suffix in MATRIX_SUFFIXES:
-        values = _read_storage(path)
+        values = read_storage(path)
     elif suffix == ".mat":
         values = read_mat(path)
     else:
@@ -160,42 +161,19 @@ def camera_matrix(lens: Lens) -> Array:
     return np.array([[lens.fx, 0, lens.cx], [0, lens.fy, lens.cy], [0, 0, 1.0]])
 
 
-def _read_storage(path: Path) -> dict[str, Any]:
-    """Top-level numbers and matrices of a FileStorage; what is neither is None."""
-    text = read_text(path)
-    try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        root = storage.root()
-        return {name: _value(root.getNode(name)) for name in root.keys()}  # noqa: SIM118
-    except (cv2.error, SystemError) as error:  # the latter wraps the former in a constructor
-        cause = getattr(error.__cause__ or error, "err", None) or "no YAML or XML of FileStorage"
-        raise FormatError(f"{path}: not an OpenCV file: {cause}") from None
-
-
-def _value(node: cv2.FileNode) -> Array | None:
-    if node.isInt() or node.isReal():
-        return np.array([node.real()])
-    if node.isSeq():
-        items = [node.at(index) for index in range(node.size())]
-        numbers = all(item.isInt() or item.isReal() for item in items)
-        return np.array([item.real() for item in items]) if numbers else None
-    try:
-        return np.asarray(node.mat(), dtype=np.float64) if node.isMap() else None
-    except (cv2.error, TypeError, ValueError):  # a table that is no matrix
-        return None
-
-
 def _named(values: Mapping[str, Any], role: str, path: Path) -> Array:
     for name in NAMES[role]:
         if values.get(name) is not None:
             matrix = np.asarray(values[name], dtype=np.float64)
             if not np.isfinite(matrix).all():
-                raise FormatError(f"{path}: {name} must hold numbers, got {matrix.tolist()}")
+                raise FormatError(
+                    f"{path}: {name} must hold numbers, got {shorten(matrix.tolist())}"
+                )
             return matrix
     listed = ", ".join(sorted(values)) or "nothing"
     raise FormatError(
         f"{path}: no {role.replace('_', ' ')}: one of {', '.join(NAMES[role])} is needed, "
-        f"the file has {listed}"
+        f"the file has {clip(listed)}"
     )
 
 

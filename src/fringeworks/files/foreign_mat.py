@@ -7,8 +7,6 @@ the transposed ones of OpenCV. ``K``, which later versions write, is not transpo
 from __future__ import annotations
 
 import stat
-import struct
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.errors import FormatError
+from fringeworks.files.mat5 import MatError, parse_mat
+from fringeworks.files.system import told
+from fringeworks.files.validation import clip
 from fringeworks.model import Camera, Projector, Rig
 
 Array = NDArray[np.float64]
 
 MAX_BYTES = 4 * 2**20
 """A stereo calibration has some kB, with the points of its views a megabyte."""
-
-HEADER_BYTES = 128
-PACKED = 15
-"""The kind of a part that zlib packed."""
 
 FIRST_PIXEL = 1.0
 """Where MATLAB has the centre of the first pixel; here it is 0."""
@@ -45,7 +42,7 @@ def read_mat(path: Path) -> dict[str, Any]:
     values = _load(path)
     found = next((item for item in values.values() if _has(item, DEVICES["projector"])), None)
     if found is None:
-        return values
+        return {name: value for name, value in values.items() if not _is_struct(value)}
     out: dict[str, Any] = {}
     for device, field in DEVICES.items():
         out |= _device(_field(found, field, path), device, path)
@@ -69,64 +66,38 @@ def write_mat(path: Path, rig: Rig) -> None:
 
 
 def _load(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
+    with told(path, "read"):
         if not stat.S_ISREG(path.stat().st_mode) or path.stat().st_size > MAX_BYTES:
             raise FormatError(f"{path}: not a file of at most {MAX_BYTES} bytes")
-        _refuse_unpacked(path)
-        values = loadmat(path, squeeze_me=True, struct_as_record=False)
-    except NotImplementedError:
-        raise FormatError(f"{path}: version 7.3 is not read: save it again with -v7") from None
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (MatReadError, ValueError, TypeError, KeyError, IndexError, zlib.error) as error:
-        raise FormatError(f"{path}: not a .mat file: {error}") from None
-    return {
-        name: value
-        for name, value in values.items()
-        if not name.startswith("__")
-        and (np.asarray(value).dtype.kind in "fiu" or _is_struct(value))
-    }
-
-
-def _refuse_unpacked(path: Path) -> None:
-    """Packed parts have a checksum; a damaged one without can bring the reader down for good."""
-    data = path.read_bytes()
-    order = "<" if data[HEADER_BYTES - 2 : HEADER_BYTES] == b"IM" else ">"
-    place = HEADER_BYTES
-    while place + 8 <= len(data):
-        kind, size = struct.unpack_from(f"{order}II", data, place)
-        if kind != PACKED:
-            raise FormatError(
-                f"{path}: not a .mat file whose parts are packed: save it again with -v7 "
-                "(scipy: do_compression=True)"
-            )
-        place += 8 + size
+        content = path.read_bytes()
+    try:
+        values = parse_mat(content)
+    except MatError as error:
+        raise FormatError(f"{path}: not a .mat file: {clip(error)}") from None
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _is_struct(value: Any) -> bool:
-    return hasattr(value, "_fieldnames")
+    return isinstance(value, dict)
 
 
 def _has(value: Any, field: str) -> bool:
-    return _is_struct(value) and hasattr(value, field)
+    return _is_struct(value) and field in value
 
 
 def _field(table: Any, name: str, path: Path) -> Any:
     if not _has(table, name):
-        listed = ", ".join(getattr(table, "_fieldnames", [])) or "no fields"
-        raise FormatError(f"{path}: {name} is missing, the struct has {listed}")
-    return getattr(table, name)
+        listed = ", ".join(table if _is_struct(table) else ()) or "no fields"
+        raise FormatError(f"{path}: {name} is missing, the struct has {clip(listed)}")
+    return table[name]
 
 
 def _numbers(table: Any, name: str, path: Path) -> Array:
-    """A copy of a field, whatever its shape."""
-    try:
-        return np.array(_field(table, name, path), dtype=np.float64)
-    except (TypeError, ValueError):
-        raise FormatError(f"{path}: {name} must hold numbers") from None
+    """A copy of a field, without sides of one."""
+    value = _field(table, name, path)
+    if not isinstance(value, np.ndarray):
+        raise FormatError(f"{path}: {name} must hold numbers")
+    return np.array(value, dtype=np.float64).squeeze()
 
 
 def _device(table: Any, device: str, path: Path) -> dict[str, Array]:

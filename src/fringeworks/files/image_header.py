@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from fringeworks.errors import FormatError
 from fringeworks.files.system import check_file
+from fringeworks.files.validation import clip
 from fringeworks.model.capture import MAX_PIXELS
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def inspect_image(path: Path) -> ImageHeader:
         raise
     except Exception as error:
         raise FormatError(
-            f"{path}: the image is cut off or damaged ({error}); copy or record it again"
+            f"{path}: the image is cut off or damaged ({clip(error)}); copy or record it again"
         ) from error
 
 

@@ -12,6 +12,7 @@ from fringeworks.errors import FormatError, MissingExtraError, UsageError
 from fringeworks.files.atomic import replacing
 from fringeworks.files.ply import count_elements
 from fringeworks.files.system import check_file
+from fringeworks.files.validation import clip
 from fringeworks.twin.scene import Mesh
 
 SUFFIXES = (".stl", ".ply", ".obj")
@@ -133,5 +134,5 @@ def _load(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
             mesh = trimesh.load_mesh(file, file_type=kind, process=False)
             return np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64)
     except (Exception, MemoryError) as error:
-        reason = "" if isinstance(error, ImportError) else f" ({error})"
+        reason = "" if isinstance(error, ImportError) else f" ({clip(error)})"
         raise FormatError(f"{path}: not a readable {kind.upper()} mesh{reason}") from error

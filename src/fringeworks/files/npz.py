@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fringeworks.errors import FormatError
 from fringeworks.files.atomic import replacing
 from fringeworks.files.system import check_file
+from fringeworks.files.validation import clip
 
 MAX_ARCHIVE_BYTES = 8 * 2**30
 """Largest sum of unpacked arrays that is read."""
@@ -57,7 +58,7 @@ def read_npz(path: Path, names: Collection[str]) -> Arrays:
     except FormatError:
         raise
     except Exception as error:
-        raise FormatError(f"{path}: not a readable .npz archive ({error})") from error
+        raise FormatError(f"{path}: not a readable .npz archive ({clip(error)})") from error
 
 
 def _check_sizes(path: Path, entries: Collection[zipfile.ZipInfo]) -> None:

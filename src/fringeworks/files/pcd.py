@@ -19,7 +19,7 @@ from fringeworks.errors import FormatError
 from fringeworks.files.atomic import replacing
 from fringeworks.files.cloud_points import MAX_POINTS, eight_bit, points_cloud
 from fringeworks.files.poses import quaternion
-from fringeworks.files.validation import shorten
+from fringeworks.files.validation import clip, shorten
 from fringeworks.measure.grid_mesh import cloud_normals
 from fringeworks.model import Cloud, Pose
 
@@ -138,7 +138,7 @@ def _type_of(path: Path, header: dict[str, str]) -> np.dtype[Any]:
     try:
         dtype = np.dtype(fields)
     except ValueError as error:
-        raise FormatError(f"{path}: FIELDS: {error}") from None
+        raise FormatError(f"{path}: FIELDS: {clip(error)}") from None
     missing = [letter for letter in "xyz" if letter not in names]
     if missing:
         raise FormatError(f"{path}: FIELDS lack {', '.join(missing)}")
@@ -174,7 +174,7 @@ def _read_points(
             warnings.simplefilter("ignore")  # nothing but comments: the length tells
             points = np.loadtxt(file, dtype=dtype, max_rows=count, ndmin=1, encoding="ascii")
     except ValueError as error:
-        raise FormatError(f"{path}: not a readable PCD ({error})") from None
+        raise FormatError(f"{path}: not a readable PCD ({clip(error)})") from None
     if len(points) < count:
         raise FormatError(f"{path}: cut off: the header says {count} points, got {len(points)}")
     return points.reshape(shape)

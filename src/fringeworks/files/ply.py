@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fringeworks.errors import FormatError
 from fringeworks.files.atomic import replacing
-from fringeworks.files.validation import shorten
+from fringeworks.files.validation import clip, shorten
 
 MAX_HEADER_BYTES = 2**16
 
@@ -151,14 +151,14 @@ def _element_type(path: Path, name: str, properties: list[list[str]]) -> np.dtyp
     for words in properties:
         if len(words) != 2 or words[0] not in _TYPES:
             raise FormatError(
-                f"{path}: property {shorten(' '.join(words))} of {name} is not understood; "
-                "vertices of plain numbers must come first"
+                f"{path}: property {shorten(' '.join(words))} of {clip(name)} is not "
+                "understood; vertices of plain numbers must come first"
             )
         fields.append((words[1], _TYPES[words[0]]))
     try:
         return np.dtype(fields)
     except ValueError as error:  # a name twice
-        raise FormatError(f"{path}: properties of {name}: {error}") from None
+        raise FormatError(f"{path}: properties of {clip(name)}: {clip(error)}") from None
 
 
 def _check_vertex(path: Path, count: int, dtype: np.dtype[Any]) -> None:

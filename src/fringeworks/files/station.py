@@ -29,7 +29,7 @@ PLANNED_KINDS = {
 SHOWN_DIGITS = 12
 """Digits of a file's SHA-256 that tell it from its earlier states."""
 
-Name = Annotated[str, Field(min_length=1)]
+Name = Annotated[str, Field(min_length=1, max_length=1000)]
 Milliseconds = Annotated[float, Field(ge=0, le=MOST_MS)]
 
 

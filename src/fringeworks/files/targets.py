@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from fringeworks.errors import FormatError
-from fringeworks.files.validation import Table, check_format, read_toml, validated
+from fringeworks.files.validation import (
+    Table,
+    check_format,
+    clip,
+    first_twice,
+    read_toml,
+    validated,
+)
 
 TARGETS_FORMAT = "fringeworks-targets/1"
 
@@ -48,9 +55,11 @@ def read_targets(path: str | Path, clouds: list[Path]) -> list[dict[str, NDArray
         ([view.cloud for view in listed], "[[view]]s"),
         ([cloud.name for cloud in clouds], "of the clouds to merge"),
     ):
-        twice = [name for name in names if names.count(name) > 1]
-        if twice:
-            raise FormatError(f"{path}: two {what} are called '{twice[0]}'; give each its own name")
+        twice = first_twice(names)
+        if twice is not None:
+            raise FormatError(
+                f"{path}: two {what} are called '{clip(twice)}'; give each its own name"
+            )
     views = {view.cloud: view.targets for view in listed}
     missing = [cloud.name for cloud in clouds if cloud.name not in views]
     if missing:

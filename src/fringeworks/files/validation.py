@@ -25,6 +25,9 @@ MAX_KEY_PARTS = 100
 SHOWN = 5
 """How many of several equal complaints a message lists."""
 
+LONGEST_LINE = 500
+"""Characters of a message's line that quotes a file: keys and names may be of any length."""
+
 Location = tuple[int | str, ...]
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -63,7 +66,7 @@ def read_json(path: Path) -> dict[str, Any]:
     except RecursionError:
         raise FormatError(f"{path}: not valid JSON: too deeply nested") from None
     except ValueError as error:
-        raise FormatError(f"{path}: not valid JSON: {error}") from None
+        raise FormatError(f"{path}: not valid JSON: {clip(error)}") from None
     if not isinstance(document, dict):
         raise FormatError(f"{path}: must be a JSON object, got {shorten(document)}")
     return document
@@ -76,10 +79,19 @@ def _refuse_constant(name: str) -> float:
 def _refuse_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     table = dict(pairs)
     if len(table) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
+        twice = first_twice(key for key, _ in pairs)
         raise ValueError(f"the key {shorten(twice)} stands twice in one object")
     return table
+
+
+def first_twice(names: Iterable[str]) -> str | None:
+    """The first name that stood there before; a file may have millions."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            return name
+        seen.add(name)
+    return None
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -91,21 +103,28 @@ def read_toml(path: Path) -> dict[str, Any]:
     except RecursionError:
         raise FormatError(f"{path}: not valid TOML: too deeply nested") from None
     except ValueError as error:  # TOMLDecodeError, and integers of thousands of digits
-        raise FormatError(f"{path}: not valid TOML: {error}") from None
+        raise FormatError(f"{path}: not valid TOML: {clip(error)}") from None
 
 
-_STRING = re.compile(r'"(?:\\.|[^"\\\n])*"|' + r"'[^'\n]*'")
+# A text without an end is taken whole too: tried anew from each of its quotes, a line of quotes
+# would take time with the square of its length.
+_TEXT = re.compile(r'"(?:\\.|[^"\\\n])*+("?)|' + r"'[^'\n]*+('?)")
 _BETWEEN_KEYS = re.compile(r"[=,{}\[\]\n]")
 _KEY_DOT = re.compile(r"[\w-][ \t]*\.")
 
 
 def _check_keys(text: str, path: Path) -> None:
-    for words in _BETWEEN_KEYS.split(_STRING.sub("s", text)):
+    for words in _BETWEEN_KEYS.split(_TEXT.sub(_without_text, text)):
         if words.count(".") >= MAX_KEY_PARTS and len(_KEY_DOT.findall(words)) >= MAX_KEY_PARTS:
             raise FormatError(
                 f"{path}: keys must have at most {MAX_KEY_PARTS} parts between dots, got "
                 f"{shorten(words.strip())}"
             )
+
+
+def _without_text(found: re.Match[str]) -> str:
+    """A letter for a text; what has no end may be a key behind the end of a longer one."""
+    return "s" if found[1] or found[2] else found[0]
 
 
 def check_format(document: Mapping[str, Any], expected: str, path: Path) -> None:
@@ -155,7 +174,7 @@ def suggest(name: object, known: Iterable[str]) -> str:
 
 def _line(model: type[BaseModel], item: Mapping[str, Any]) -> str:
     place, key = _place(item["loc"])
-    return f"{place}{_complaint(model, item, key)}"
+    return clip(f"{place}{_complaint(model, item, key)}")
 
 
 _KINDS = {"set": "kind", "object": "shape", "position": "artefact"}
@@ -244,6 +263,12 @@ def shorten(value: object, width: int = 60) -> str:
     """`repr` of a value from a file, cut to what fits a message."""
     text = repr(value)
     return text if len(text) <= width else text[: width - 3] + "..."
+
+
+def clip(message: object) -> str:
+    """A message that quotes a file, cut to what can be read."""
+    text = str(message)
+    return text if len(text) <= LONGEST_LINE else text[: LONGEST_LINE - 3] + "..."
 
 
 def _known_keys(model: type[BaseModel], location: Location) -> list[str]:
