@@ -241,9 +241,9 @@ def draw_code_frame(frames: AxisFrames) -> Iterator[tuple[str, Figure]]:
     """Name and figure of each: the design, then what the method reads in the capture."""
     reading, shown = read_code_frame(frames), frames.capture.sequence
     fringe, code = frames.finest.fringe, reading.code
-    size = {"width": shown.width, "height": shown.height}
-    image = render(code, **size)[0]
-    sinusoids = render(fringe, **size)[:, :1, :PROFILE_PX]
+    width, height = shown.width, shown.height
+    image = render(code, width=width, height=height)[0]
+    sinusoids = render(fringe, width=width, height=height)[:, :1, :PROFILE_PX]
     phase = wrap_three_steps(sinusoids)
     zero_shift = sinusoids[fringe.shifts_rad.index(0.0), 0]
     yield "code_pattern", draw_pattern(image, code)

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 from fringeworks.errors import UsageError
 from fringeworks.experiments.calibrations import study_calibrations
+from fringeworks.experiments.check_study import study_check
 from fringeworks.experiments.extended_study import study_extended
 from fringeworks.experiments.models import study_models
 from fringeworks.experiments.orders import study_orders
@@ -15,6 +16,7 @@ from fringeworks.experiments.study import StudyMaker
 STUDIES: Mapping[str, StudyMaker] = MappingProxyType(
     {
         "calibration": study_calibrations,
+        "check": study_check,
         "extended": study_extended,
         "models": study_models,
         "orders": study_orders,
