@@ -20,7 +20,7 @@ from fringeworks.calibrate.settings import CalibrationSettings
 from fringeworks.errors import CalibrationError, ShapeError
 from fringeworks.geometry.forms import fit_plane
 from fringeworks.measure.board import BoardSpacing
-from fringeworks.model import Capture, Rig, Target
+from fringeworks.model import Capture, Finding, Rig, Target
 from fringeworks.phase.decode import decode_capture
 
 Array = NDArray[np.float64]
@@ -84,6 +84,24 @@ class Verification:
     def holds(self) -> bool:
         """Whether no number is beyond its limit."""
         return self.moved is None
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """That the rig has moved, with the error of depth as its cost; none where it holds."""
+        if self.moved is None:
+            return ()
+        remedy = "Calibrate again; look at what carries the part that is named."
+        return (
+            Finding(
+                "warning",
+                self.moved.sentence,
+                remedy,
+                name="rig moved",
+                cost=abs(self.depth_error_mm),
+                unit="mm",
+                where=", ".join(cause.name for cause in self.moved.named) or "rig",
+            ),
+        )
 
     @property
     def verdict(self) -> str:

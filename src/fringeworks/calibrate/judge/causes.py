@@ -193,6 +193,8 @@ def bowed_board(flat: Fit, views: Sequence[View], settings: CalibrationSettings)
         f"and {flat.spread.sites:.3f} px). It was taken as flat all the same: the focal lengths "
         "are wrong with it.",
         "Solve for its shape (--board-shape paraboloid), or mount it on something stiff.",
+        name="bowed board",
+        where="board",
     )
 
 

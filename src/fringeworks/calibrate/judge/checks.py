@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fringeworks.calibrate.adjust.bundle import Fit, rms_px
 from fringeworks.calibrate.adjust.start import (
@@ -30,6 +31,7 @@ LARGEST_TOGETHER = 5.0
 of procam-graycode 17 (half size 9), where dense sites make squares no better and planes worse:
 the corners of the worst pose left out lie 0.8 mm off one, with the corners' own sites 0.6."""
 
+Array: TypeAlias = NDArray[np.float64]
 Failed: TypeAlias = Sequence[tuple[str, str]]
 """Captures that gave no view: name and reason."""
 
@@ -134,6 +136,10 @@ def dense_misfit(fit: Fit) -> Finding | None:
         " px of the projector, whole regions alike: those about its corners alone were used.",
         "A board that is not flat is the commonest cause: mount it on something stiff, or solve "
         "for its shape (--board-shape paraboloid).",
+        name="board not flat",
+        cost=float(fit.spread.sites),
+        unit="px",
+        where="board",
     )
 
 
@@ -142,7 +148,7 @@ def findings(fit: Fit, views: Sequence[View], failed: Failed) -> list[Finding]:
 
     Corners left out are told view by view instead, see `View.left_out`.
     """
-    found = [Finding("warning", f"{name} was not used: {reason}") for name, reason in failed]
+    found = list(not_used(failed))
     per_view = [rms_px([part])[2] for part in fit.corners]
     _, _, joint = rms_px(fit.corners)
     if joint > GOOD_RMS_PX:
@@ -152,16 +158,32 @@ def findings(fit: Fit, views: Sequence[View], failed: Failed) -> list[Finding]:
             f"({per_view[worst]:.1f} px)."
         )
         remedy = "Look at the board's pitches and flatness, and for motion."
-        found.append(Finding("warning", message, remedy))
+        where = views[worst].name
+        found.append(Finding("warning", message, remedy, name="large residuals", where=where))
     if _oblong(fit) > GOOD_OBLONG:
         message = f"the camera's focal lengths differ by {_oblong(fit):.1%} between x and y."
-        found.append(Finding("warning", message, "Measure the board's pitches in x and y."))
-    tilt = largest_tilt_deg(fit.state.camera_from_board)
-    if tilt < GOOD_TILT_DEG:
-        message = (
-            f"the board was tilted by at most {tilt:.0f} degrees between two views: focal lengths "
-            "are weakly determined."
+        remedy = "Measure the board's pitches in x and y."
+        found.append(Finding("warning", message, remedy, name="unequal pitches", where="board"))
+    return [*found, *alike_views(fit.state.camera_from_board)]
+
+
+def not_used(failed: Failed) -> Iterator[Finding]:
+    """That captures gave no view, and why."""
+    for name, reason in failed:
+        yield Finding(
+            "warning", f"{name} was not used: {reason}", name="capture not used", where=name
         )
-        remedy = "Add views tilted by 20 to 40 degrees about both axes."
-        found.append(Finding("warning", message, remedy))
-    return found
+
+
+def alike_views(camera_from_board: Array) -> Iterator[Finding]:
+    """That boards, ``(v, 6)`` poses, are all but parallel."""
+    tilt = largest_tilt_deg(camera_from_board)
+    if tilt < GOOD_TILT_DEG:
+        yield Finding(
+            "warning",
+            f"the board was tilted by at most {tilt:.0f} degrees between two views: focal lengths "
+            "are weakly determined.",
+            "Add views tilted by 20 to 40 degrees about both axes.",
+            name="views too alike",
+            where="views",
+        )

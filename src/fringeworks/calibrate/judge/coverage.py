@@ -47,6 +47,8 @@ def notice_bare_parts(fit: Fit, views: Sequence[View], sizes: Sizes) -> Iterator
                 f"no board was in {share:.0%} of the {device}'s image: {', '.join(bare)}. Its lens "
                 "is guessed there.",
                 "Add poses with the board in those parts, or a larger board.",
+                name="bare image",
+                where=device,
             )
 
 

@@ -87,6 +87,8 @@ class Trial:
             "note",
             f"k3 of the {self.device} was solved for: views that the solution has not seen are "
             f"predicted {self.gain:.1%} better with it (1 sd {self.gain_sigma:.1%}).",
+            name="k3 solved for",
+            where=self.device,
         )
 
 

@@ -85,6 +85,10 @@ class Halves:
             f"{self.ratio:.1f} times what their scatter predicts: the model is wrong by more than "
             "the standard deviations say.",
             "Look at the board's flatness, and at what may have moved or changed meanwhile.",
+            name="halves disagree",
+            cost=float(self.rms_mm),
+            unit="mm",
+            where="rig",
         )
 
 

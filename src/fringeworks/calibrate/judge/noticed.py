@@ -71,7 +71,7 @@ def notice_distance(camera_from_board: Array) -> Iterator[Finding]:
     if not USUAL_MM[0] <= distance <= USUAL_MM[1]:
         message = f"the board comes out {distance:.3g} mm from the camera."
         remedy = f"If it was not, the pitch in board.toml is not in mm{other_units(distance)}."
-        yield Finding("warning", message, remedy)
+        yield Finding("warning", message, remedy, name="board distance", where="board")
 
 
 def _stretched_panel(fit: Fit) -> Iterator[Finding]:
@@ -87,6 +87,8 @@ def _stretched_panel(fit: Fit) -> Iterator[Finding]:
             "1 (square pixels), 2 or 0.5 (diamond ones).",
             "Its image is scaled on the way to the panel: project in the native resolution, "
             "without keystone correction, and give that resolution in capture.toml.",
+            name="stretched output",
+            where="projector",
         )
 
 
@@ -103,6 +105,8 @@ def _off_centre(fit: Fit, size: ImageSize) -> Iterator[Finding]:
             f"the projector's principal point ({centre[0]:.0f}, {centre[1]:.0f}) is the middle of "
             f"its {size.width} x {size.height} px in neither direction.{hint}",
             "Check the projector's width and height in capture.toml.",
+            name="projector size",
+            where="projector",
         )
 
 
@@ -143,6 +147,10 @@ def _curved_response(axis: str, swing: float, steps: int) -> Finding:
         "straight line of the grey level (gamma), and so few steps do not cancel that.",
         "Switch gamma off in projector and camera, avoid overexposure, or capture more steps "
         "(preset 'calibrate').",
+        name="gamma",
+        cost=float(swing / np.sqrt(2)),
+        unit="rad",
+        where=f"axis {axis}",
     )
 
 
@@ -153,6 +161,10 @@ def _beat(axis: str, swing: float, period: float) -> Finding:
         "projector: two grids of pixels beat.",
         "The image is scaled on the way to the panel: project in the native resolution, without "
         "keystone correction. If it is not, look for light that changes from frame to frame.",
+        name="scaled output",
+        cost=float(swing / np.sqrt(2)),
+        unit="px",
+        where=f"axis {axis}",
     )
 
 
@@ -168,4 +180,6 @@ def _blur(views: Sequence[View]) -> Iterator[Finding]:
                 f"{view.name} is blurred: {blur:.1f} px in its image, {usual:.1f} px in the "
                 "others'.",
                 "Look for motion, and for the depth of focus; capture that pose again.",
+                name="blur",
+                where=view.name,
             )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fringeworks.calibrate.local_fit import robust_scale
-from fringeworks.model import Axis, CodedAxis, ProjectorMap
+from fringeworks.model import Axis, CodedAxis, Fringe, ProjectorMap
 
 Array = NDArray[np.float64]
 
@@ -30,6 +30,8 @@ WAVES_PER_SPAN = 4.0
 """Longer waves than a fourth of what the board spans go into the surface."""
 
 HARMONIC_MATCH = 0.02
+CELLS_PER_PX = 8
+"""In which coordinates are counted: 24 per shortest wave."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,21 +79,31 @@ def _strongest(axis: CodedAxis, corners: Array) -> Ripple | None:
     if axis.phase is None or len(x) < LEAST_PIXELS:
         return None
     coordinate = axis.coordinate[y, x].astype(np.float64)
-    rest, used = _left_by_surface(np.column_stack([x, y]).astype(np.float64), coordinate)
-    coordinate, rest = coordinate[used], rest[used]
+    places = np.column_stack([x, y]).astype(np.float64)
+    surface, used = fit_surface(places, coordinate)
+    rest = coordinate - surface.at(places)
+    return strongest_wave(axis.phase.wrapped.fringe, coordinate[used], rest[used])
+
+
+def strongest_wave(fringe: Fringe, coordinate: Array, rest: Array) -> Ripple:
+    """The strongest wave in what surfaces leave of coordinates, ``(n,)`` projector px each."""
+    from scipy.fft import next_fast_len, rfft, rfftfreq
+
     span = float(np.ptp(coordinate))
-    fringe = axis.phase.wrapped.fringe
-    exact = fringe.frame_count / fringe.period_px
     longest = min(LONGEST_PX, span / WAVES_PER_SPAN)
-    waves = np.append(np.arange(1 / longest, 1 / SHORTEST_PX, 0.25 / span), exact)
-    cells, at = np.unique(np.rint(coordinate * 8), return_inverse=True)  # 1/8 px: 10 per wave
-    sums = np.bincount(at, rest)
-    turns = np.exp(-2j * np.pi * np.outer(waves, cells / 8))
-    amplitudes = 2 * np.abs(turns @ sums) / len(rest)
+    cells = np.rint((coordinate - coordinate.min()) * CELLS_PER_PX).astype(np.intp)
+    sums = np.bincount(cells, rest)
+    count = next_fast_len(4 * len(sums), real=True)  # waves in steps of a quarter per span
+    waves = rfftfreq(count, 1 / CELLS_PER_PX)
+    use = (waves >= 1 / longest) & (waves <= 1 / SHORTEST_PX)
+    exact = fringe.frame_count / fringe.period_px
+    at_exact = sums @ np.exp(-2j * np.pi * exact * np.arange(len(sums)) / CELLS_PER_PX)
+    waves = np.append(waves[use], exact)
+    amplitudes = 2 * np.abs(np.append(rfft(sums, count)[use], at_exact)) / len(rest)
     amplitudes[-1] *= 1 + HARMONIC_MATCH  # of equals the one that has a cause
     best = int(np.argmax(amplitudes))
     return Ripple(
-        axis=axis.axis,
+        axis=fringe.axis,
         period_px=float(1 / waves[best]),
         amplitude_px=float(amplitudes[best]),
         fringe_px=fringe.period_px,
@@ -112,15 +124,32 @@ def _bright(axis: CodedAxis, corners: Array) -> tuple[NDArray[np.intp], NDArray[
     return y[::step], x[::step]
 
 
-def _left_by_surface(places: Array, values: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """``(n,)`` what a polynomial leaves of values at places ``(n, 2)``, and which ones it fits."""
+@dataclass(frozen=True, slots=True, eq=False)
+class SmoothMap:
+    """A polynomial of degree `DEGREE` over a part of an image, both coordinates -1 to 1 there."""
+
+    low: Array
+    high: Array
+    coefficients: Array
+
+    def at(self, places: Array) -> Array:
+        """``(n,)`` its values at places ``(n, 2)``, px."""
+        return _terms(places, self.low, self.high) @ self.coefficients
+
+
+def fit_surface(places: Array, values: Array) -> tuple[SmoothMap, NDArray[np.bool_]]:
+    """The polynomial through most of the values at places ``(n, 2)``, and which ones ``(n,)``."""
     low, high = places.min(axis=0), places.max(axis=0)
-    x, y = ((2 * places - low - high) / (high - low)).T
-    terms = [x ** (n - j) * y**j for n in range(DEGREE + 1) for j in range(n + 1)]
-    design, used = np.stack(terms, axis=1), np.ones(len(values), dtype=np.bool_)
-    rest = values
+    design, used = _terms(places, low, high), np.ones(len(values), dtype=np.bool_)
+    coefficients: Array = np.zeros(design.shape[1])
     for _ in range(ROUNDS):
-        coefficients, *_ = np.linalg.lstsq(design[used], values[used], rcond=None)
+        solved, *_ = np.linalg.lstsq(design[used], values[used], rcond=None)
+        coefficients = np.asarray(solved, np.float64)
         rest = values - design @ coefficients
         used = np.abs(rest) < OUTLIER_SIGMAS * robust_scale(rest)
-    return rest, used
+    return SmoothMap(low, high, coefficients), used
+
+
+def _terms(places: Array, low: Array, high: Array) -> Array:
+    x, y = ((2 * places - low - high) / (high - low)).T
+    return np.stack([x ** (n - j) * y**j for n in range(DEGREE + 1) for j in range(n + 1)], axis=1)

@@ -70,6 +70,8 @@ class Structure:
             f"the board have {self.in_views:.1f} times the variance that scatter gives them, "
             f"{what}.",
             remedy,
+            name="regional errors",
+            where="board" if board else "rig",
         )
 
 

@@ -153,7 +153,7 @@ def _shown(capture: Capture) -> _Shown:
             f"{capture.name}: no white frame; the projected checkerboard is divided by it: add a "
             "set of kind uniform with level 1"
         )
-    pattern, frames, _ = boards[0]
+    pattern, *_ = boards[0]
     grid = _inner_corners(pattern.square_px, capture.sequence.width, capture.sequence.height)
     if grid.corner_count < LEAST_PROJECTED or min(grid.columns, grid.rows) < 2:
         raise CalibrationError(
@@ -162,16 +162,22 @@ def _shown(capture: Capture) -> _Shown:
         )
     dark = np.float32(capture.sensor.black_level) if black is None else black
     light = white - dark
-    image = frames.mean(axis=0, dtype=np.float32) - dark
+    image = capture.level_of(pattern) - dark
     lit = light > 1.0
     share = np.clip(np.where(lit, image, 0.5) / np.where(lit, light, 1.0), 0.0, 1.5)
     return _Shown(
         name=capture.name,
         light=light,
         share=share.astype(np.float32),
-        saturated=white >= capture.sensor.saturation,
+        saturated=white >= _white_saturation(capture),
         grid=grid,
     )
+
+
+def _white_saturation(capture: Capture) -> float:
+    place = capture.sequence.white_set
+    assert place is not None
+    return capture.saturation_of(capture.sequence.sets[place].pattern)
 
 
 def _inner_corners(square_px: float, width: int, height: int) -> CheckerboardTarget:

@@ -13,9 +13,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.calibrate.adjust.start import largest_tilt_deg
 from fringeworks.calibrate.adjust.state import SHAPE_NAMES
-from fringeworks.calibrate.judge.checks import GOOD_TILT_DEG, Failed
+from fringeworks.calibrate.judge.checks import Failed, alike_views, not_used
 from fringeworks.calibrate.judge.noticed import notice_distance
 from fringeworks.calibrate.observe import View
 from fringeworks.calibrate.projected.camera import KEPT_PX, PosedView
@@ -119,16 +118,8 @@ def _figures(fit: PaperFit) -> dict[str, Any]:
 
 
 def _findings(fit: PaperFit, failed: Failed) -> list[Finding]:
-    found = [Finding("warning", f"{name} was not used: {reason}") for name, reason in failed]
-    tilt = largest_tilt_deg(fit.state.camera_from_board)
-    if tilt < GOOD_TILT_DEG:
-        message = (
-            f"the board was tilted by at most {tilt:.0f} degrees between two views: focal lengths "
-            "are weakly determined."
-        )
-        remedy = "Add views tilted by 20 to 40 degrees about both axes."
-        found.append(Finding("warning", message, remedy))
-    return [*found, *notice_distance(fit.state.camera_from_board)]
+    poses = fit.state.camera_from_board
+    return [*not_used(failed), *alike_views(poses), *notice_distance(poses)]
 
 
 def _view(fit: PaperFit, place: int) -> dict[str, Any]:
