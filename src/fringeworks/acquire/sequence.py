@@ -17,7 +17,7 @@ from fringeworks.errors import DeviceError, UsageError
 from fringeworks.files.acquiring import Acquiring, Setting, Taken, Tally
 from fringeworks.files.capture_writing import describe_capture
 from fringeworks.files.station import Timing
-from fringeworks.model import Frames, PatternSet, Sequence
+from fringeworks.model import Frames, GreyCurve, PatternSet, Sequence
 from fringeworks.model.progress import Progress, no_progress
 from fringeworks.patterns import frame_names, render_sequence
 
@@ -54,6 +54,7 @@ def acquire_sequence(
     timing: Timing | None = None,
     clock: Clock | None = None,
     facts: Mapping[str, Setting] | None = None,
+    curve: GreyCurve | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Acquisition:
@@ -79,6 +80,8 @@ def acquire_sequence(
     facts
         What else must stay the same when it goes on, such as `Station.facts`; kept as
         provenance.
+    curve
+        Pre-distorts what is shown; say in `facts` which it is.
     overwrite
         Begin anew in a folder that holds a capture, other files, or a part of this one.
     progress
@@ -98,7 +101,7 @@ def acquire_sequence(
     timing, clock = timing or Timing(), clock or MonotonicClock()
     shots = _plan(sequence, exposure_ms)
     _check(sequence, projector, shots=shots, timing=timing)
-    rendered = render_sequence(sequence, bits=projector.bits)
+    rendered = render_sequence(sequence, bits=projector.bits, curve=curve)
     settings = _settings(projector, camera, exposure_ms=exposure_ms, timing=timing)
     plan = Acquiring(_describe(sequence), {**settings, **(facts or {})})
     # What could not be written in the end is refused before the work.

@@ -17,7 +17,7 @@ from fringeworks.files.capture import CAPTURE_TOML
 from fringeworks.files.capture_writing import check_folder, describe_capture, make_room
 from fringeworks.files.scene import files_written
 from fringeworks.files.truth import write_truth
-from fringeworks.model import Rig, Sequence, Target
+from fringeworks.model import GreyCurve, Rig, Sequence, Target
 from fringeworks.model.progress import Progress, no_progress
 from fringeworks.patterns import frame_names
 from fringeworks.twin.cast import Caster
@@ -47,6 +47,7 @@ class _Plan:
     sequence: Sequence
     effects: Effects
     provenance: Mapping[str, str | int]
+    curve: GreyCurve | None = None
 
 
 def write_simulations(
@@ -59,6 +60,7 @@ def write_simulations(
     seed: int = 0,
     facts: Mapping[str, str | int] | None = None,
     inputs: Collection[Path] = (),
+    curve: GreyCurve | None = None,
     overwrite: bool = False,
     progress: Progress = no_progress,
 ) -> list[Path]:
@@ -66,10 +68,11 @@ def write_simulations(
 
     Beside the images of each stand ``truth.npz``, and ``scene.toml``, ``sensor.toml`` and
     ``true_rig.json``, which made it and may be changed and used again; seed, version and `facts`
-    are the capture's provenance. A posed board's ``board.toml``, as a calibration is told it,
-    stands in `folder`. The same seed gives the same grey levels. With `overwrite` the captures
-    that are there are replaced, and further poses of an earlier call are no captures any more;
-    `inputs`, the files that all this was read from, never are. Returns the folders of the captures.
+    are the capture's provenance; `curve` pre-distorts what is shown. A posed board's
+    ``board.toml``, as a calibration is told it, stands in `folder`. The same seed gives the same
+    grey levels. With `overwrite` the captures that are there are replaced, and further poses of an
+    earlier call are no captures any more; `inputs`, the files that all this was read from, never
+    are. Returns the folders of the captures.
 
     Raises
     ------
@@ -85,7 +88,7 @@ def write_simulations(
     folders = [folder / view.name for view in views] if scene.poses else [folder]
     left_over = set(folder.glob("pose_[0-9][0-9]*")) - set(folders) if scene.poses else set()
     provenance = {"twin": f"fringeworks {__version__}", **(facts or {}), "seed": seed}
-    plan = _Plan(rig, sequence, effects or Effects(), provenance)
+    plan = _Plan(rig, sequence, effects or Effects(), provenance, curve)
     board = _target(scene)
     _check(scene, plan)  # before anything that is there goes
     files = [] if board is None else [folder / BOARD_TOML]
@@ -161,7 +164,13 @@ def _write_one(
 ) -> None:
     """The capture's description comes last: without it nothing here is one."""
     made = simulate(
-        scene, plan.rig, plan.sequence, effects=plan.effects, rng=rng, progress=progress
+        scene,
+        plan.rig,
+        plan.sequence,
+        effects=plan.effects,
+        rng=rng,
+        curve=plan.curve,
+        progress=progress,
     )
     write_truth(folder / TRUTH_NPZ, made.truth)
     write_scene(folder / SCENE_TOML, scene)

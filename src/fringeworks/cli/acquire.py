@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fringeworks.cli.output import JsonFlag, Output, print_note
+from fringeworks.cli.response import CurveOption, read_curve
 from fringeworks.cli.sequences import (
     AxesOption,
     CodeOption,
     CodewordsOption,
+    ExposuresOption,
     InvertedOption,
     PeriodsOption,
     PresetArgument,
@@ -37,6 +39,8 @@ def acquire(
     code: CodeOption = None,
     inverted: InvertedOption = None,
     codewords: CodewordsOption = None,
+    exposures: ExposuresOption = None,
+    response: CurveOption = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Begin anew in a folder that holds files already.")
     ] = False,
@@ -67,7 +71,10 @@ def acquire(
             code=code,
             inverted=inverted,
             codewords=codewords,
+            exposures=exposures,
         )
+        projector = place.rig.projector
+        curve, bent = read_curve(response, width=projector.width, height=projector.height)
         taken = 0 if overwrite else count_taken(out)
         if taken:
             print_note(f"{out}: {taken} images are there from an unfinished run")
@@ -82,7 +89,8 @@ def acquire(
                 exposure_ms=place.exposure_ms,
                 timing=place.timing,
                 clock=bench.clock,
-                facts=place.facts,
+                facts={**place.facts, **bent},
+                curve=curve,
                 overwrite=overwrite,
                 progress=progress,
             )

@@ -11,10 +11,12 @@ from typer.core import TyperGroup
 from fringeworks import __version__
 from fringeworks.cli.accept import accept
 from fringeworks.cli.acquire import acquire
+from fringeworks.cli.advise import advise
 from fringeworks.cli.bench import bench
 from fringeworks.cli.board import board
 from fringeworks.cli.budget import budget
 from fringeworks.cli.calibrate import calibrate
+from fringeworks.cli.check import check
 from fringeworks.cli.compare import change, compare
 from fringeworks.cli.convert import convert
 from fringeworks.cli.decode import decode
@@ -24,9 +26,11 @@ from fringeworks.cli.found import auto
 from fringeworks.cli.frame import frame
 from fringeworks.cli.measure import measure
 from fringeworks.cli.merge import merge
+from fringeworks.cli.noise import noise
 from fringeworks.cli.output import print_error
 from fringeworks.cli.patterns import patterns
 from fringeworks.cli.reproduce import reproduce
+from fringeworks.cli.response import response
 from fringeworks.cli.scan import scan
 from fringeworks.cli.sections import section
 from fringeworks.cli.twin import twin
@@ -45,6 +49,10 @@ ALONG_THE_LINE = (
     "verify",
     "import",
     "export",
+    "advise",
+    "check",
+    "response",
+    "noise",
     "decode",
     "scan",
     "convert",
@@ -155,6 +163,26 @@ _add(
     name="export",
     short="A rig for OpenCV, MATLAB or ROS.",
     example="export rig.json --to opencv --out calibration.yml",
+)
+_add(
+    advise,
+    short="Exposures, period and steps to take, from test frames.",
+    example="advise test/ --exposure-ms 10 --report advice.html",
+)
+_add(
+    check,
+    short="What is wrong with a capture, and what to do about it.",
+    example="check capture/ --rig rig.json --report check.html",
+)
+_add(
+    response,
+    short="What gamma makes of the fringes, to be taken away.",
+    example="response capture/ --out response.json --figures figures/",
+)
+_add(
+    noise,
+    short="A camera's gain, read noise and black level.",
+    example="noise flats/ --dark capped/ --write capture/ --figures figures/",
 )
 _add(
     decode,

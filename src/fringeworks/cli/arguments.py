@@ -64,12 +64,6 @@ def require_positive(option: str, value: float) -> None:
         raise UsageError(f"{option} must be positive, got {value:g}")
 
 
-def refuse_planned(value: str | None, param: typer.CallbackParam) -> None:
-    """Options whose names are fixed and that are not built yet say so."""
-    if value is not None:
-        raise UsageError(f"{param.opts[0]} is planned and not built yet")
-
-
 def require_built(option: str, value: str, *, built: str, planned: tuple[str, ...]) -> None:
     """Of several names that are fixed only `built` exists so far."""
     if value in planned:

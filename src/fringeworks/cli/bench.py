@@ -23,8 +23,9 @@ def bench(
         str | None,
         typer.Argument(
             metavar="[STUDY]",
-            help="A study in place of the metrics: calibration, orders, models, extended. Minutes "
-            "each; a second run goes on where the first was cut off (extended starts anew).",
+            help="A study in place of the metrics: calibration, check, extended, models, orders. "
+            "Minutes each; a second run of calibration or models goes on where the first was cut "
+            "off.",
         ),
     ] = None,
     quick: Annotated[

@@ -199,10 +199,11 @@ def describe_rig(output: Output, rig: Rig) -> dict[str, Any]:
     from fringeworks.calibrate.record import read_record
     from fringeworks.report.summary import summarise_record, summarise_rig
 
-    record, summary = summarise_record(read_record(rig.further)), summarise_rig(rig)
+    kept = read_record(rig.further)
+    record, summary = summarise_record(kept), summarise_rig(rig)
     quality = None if rig.quality is None else asdict(rig.quality)
-    for finding in record["findings"]:
-        print_note(finding)
+    for finding in () if kept is None else kept.findings:
+        print_note(str(finding))
     model, figures = model_of(rig.further), paper_figures(rig.further)
     output.line(f"model: {model}")
     _print_views(output, record["views"], quality)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,9 +12,16 @@ from fringeworks.cli.arguments import (
     GroupOption,
     OrdersOption,
     parse_ranges,
-    refuse_planned,
+)
+from fringeworks.cli.motion import (
+    MotionOption,
+    OtherLightOption,
+    hold_asked,
+    summarise_motion,
+    tell_motion,
 )
 from fringeworks.cli.output import JsonFlag, Output, percent
+from fringeworks.cli.response import ResponseOption, read_asked, summarise_used
 from fringeworks.errors import UsageError
 
 
@@ -48,8 +56,10 @@ def decode(
             "10 % wider].",
         ),
     ] = None,
+    response: ResponseOption = None,
+    motion: MotionOption = None,
+    other_light: OtherLightOption = False,
     as_json: JsonFlag = False,
-    response: Annotated[str | None, typer.Option(hidden=True, callback=refuse_planned)] = None,
 ) -> None:
     """Decode a capture: modulation, wrapped and absolute phase, projector coordinate, sigma.
 
@@ -62,8 +72,10 @@ def decode(
         raise UsageError("--z-range needs --rig rig.json: depths are those in front of its camera")
     output = Output(as_json=as_json)
     from fringeworks.files import read_capture, read_rig, write_phase
+    from fringeworks.files.response import response_of_rig
     from fringeworks.phase.decode import decode_phases
     from fringeworks.phase.demodulate import MaskRules
+    from fringeworks.phase.response import choose_response, notice_response
     from fringeworks.phase.window import Volume, volume_of
     from fringeworks.report.summary import summarise_decoding
 
@@ -71,13 +83,19 @@ def decode(
     if z_range is not None:
         (depths,) = parse_ranges(z_range, option="--z-range", form="MIN:MAX")
     with output.working() as progress:
-        volume: Volume | None = None if rig is None else volume_of(read_rig(rig), depths)
+        known = None if rig is None else read_rig(rig)
+        volume: Volume | None = None if known is None else volume_of(known, depths)
         read = read_capture(capture, group=group, progress=progress)
         output.findings(read.name, read.findings)
-        rules = MaskRules()
+        read, moved = hold_asked(read, motion)
+        rules = MaskRules(other_light=other_light)
         if min_modulation is not None:
-            rules = MaskRules(modulation_share=min_modulation / read.sensor.full_scale)
-        decoding = decode_phases(read, rules=rules, orders=orders, volume=volume)
+            rules = replace(rules, modulation_share=min_modulation / read.sensor.full_scale)
+        kept = None if known is None else response_of_rig(known)
+        used = choose_response(read, read_asked(response), kept)
+        told = tuple(notice_response(read, used, kept))
+        output.findings(read.name, told)
+        decoding = decode_phases(read, rules=rules, orders=orders, volume=volume, response=used)
         axes = summarise_decoding(decoding)
         if not any(axis["valid_share"] for axis in axes.values()):
             decoding.projector_map()  # says why nothing can be decoded
@@ -94,11 +112,13 @@ def decode(
     output.line(f"{read.name}: {width}x{height} px, {len(read.sequence.sets)} sets")
     for name, axis in axes.items():
         describe_axis(output, name, axis)
+    tell_motion(output, moved)
     output.written([out])
     output.written(drawn)
     output.result(
         {"capture": read.name, "out": out, "axes": axes, "figures": drawn}
-        | {"findings": [str(finding) for finding in read.findings]}
+        | {"response": summarise_used(used), "motion": summarise_motion(moved)}
+        | {"findings": [str(finding) for finding in (*read.findings, *told)]}
     )
 
 
@@ -115,10 +135,18 @@ def describe_axis(output: Output, name: str, axis: dict[str, Any]) -> None:
         sigma = _number(axis["sigma_rad_median"], "rad")
     voids = ", ".join(f"{percent(share)} {words}" for words, share in axis["voids"].items())
     facts += [("void", voids or "none"), ("sigma", f"{sigma}, median")]
+    if axis["exposures"]:
+        facts.append(("exposures", describe_exposures(axis["exposures"])))
     noise = axis["noise"]
     if noise is not None:
         facts.append(("noise", f"{noise['read_grey']:.2f} grey levels, from {noise['from']}"))
     output.facts(facts)
+
+
+def describe_exposures(exposures: list[dict[str, Any]]) -> str:
+    """Which were fused, and of how many pixels each weighs most."""
+    told = (f"{one['exposure_ms']:g} ms {percent(one['share'])}" for one in exposures)
+    return f"fused; weighing most: {', '.join(told)}"
 
 
 def _number(value: float | None, unit: str) -> str:

@@ -9,10 +9,12 @@ import typer
 
 from fringeworks.cli.arguments import parse_size
 from fringeworks.cli.output import JsonFlag, Output, progress_bars
+from fringeworks.cli.response import CurveOption, read_curve
 from fringeworks.cli.sequences import (
     AxesOption,
     CodeOption,
     CodewordsOption,
+    ExposuresOption,
     InvertedOption,
     PeriodsOption,
     PresetArgument,
@@ -23,6 +25,16 @@ from fringeworks.errors import UsageError
 
 if TYPE_CHECKING:
     from fringeworks.model import PatternSet, Sequence
+
+
+def _print_presets(asked: bool) -> None:
+    if not asked:
+        return
+    from fringeworks.patterns import PRESETS, explain_preset
+
+    for name in PRESETS:
+        typer.echo(f"{name}: {explain_preset(name)}")
+    raise typer.Exit
 
 
 def patterns(
@@ -37,7 +49,24 @@ def patterns(
     code: CodeOption = None,
     inverted: InvertedOption = None,
     codewords: CodewordsOption = None,
+    exposures: ExposuresOption = None,
     bits: Annotated[int, typer.Option("--bits", help="Depth of the images, 8 to 16.")] = 8,
+    response: CurveOption = None,
+    rig: Annotated[
+        Path | None,
+        typer.Option(
+            "--rig", help="rig.json with the blur of `advise --rig`: the period of least noise."
+        ),
+    ] = None,
+    listed: Annotated[
+        bool,
+        typer.Option(
+            "--list",
+            callback=_print_presets,
+            is_eager=True,
+            help="Print why each preset takes its number of steps.",
+        ),
+    ] = False,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Write into a folder that holds files already.")
     ] = False,
@@ -52,7 +81,7 @@ def patterns(
     output = Output(as_json=as_json)
     from fringeworks import __version__
     from fringeworks.files import write_sequence
-    from fringeworks.patterns import render_sequence
+    from fringeworks.patterns import explain_preset, render_sequence
 
     sequence = sequence_of(
         preset,
@@ -60,25 +89,32 @@ def patterns(
         height=height,
         axes=axes,
         steps=steps,
-        periods=periods,
+        periods=periods if rig is None else _period_of(rig, periods),
         code=code,
         inverted=inverted,
         codewords=codewords,
+        exposures=exposures,
     )
+    curve, bent = read_curve(response, width=width, height=height)
     refuse_occupied(out, overwrite=overwrite)
     with progress_bars() as progress:
         write_sequence(
             sequence,
-            (list(frames) for _, frames in render_sequence(sequence, bits=bits)),
+            (list(frames) for _, frames in render_sequence(sequence, bits=bits, curve=curve)),
             out,
-            provenance={"patterns": f"fringeworks {__version__}, preset {preset}"},
+            provenance={"patterns": f"fringeworks {__version__}, preset {preset}", **bent},
             overwrite=overwrite,
             progress=progress,
         )
     output.line(f"{preset} for {width}x{height} px")
+    for source in bent.values():
+        output.line(f"pre-distorted by {source}")
     sets = describe_sets(output, sequence)
     count = sum(len(item["images"]) for item in sets)
     output.line(f"wrote {count} images and capture.toml in {out}")
+    why = None
+    if preset != "response" and preset != "noise" and preset != "test":
+        why = explain_preset(preset)
     output.result(
         {
             "preset": preset,
@@ -86,8 +122,30 @@ def patterns(
             "out": out,
             "images": count,
             "sets": sets,
+            "explained": why,
+            "predistorted_by": next(iter(bent.values()), None),
         }
     )
+
+
+def _period_of(rig: Path, periods: str | None) -> str:
+    """The period of least noise by the blur that a rig keeps.
+
+    Raises
+    ------
+    UsageError
+        Periods are given besides, or the rig keeps no blur.
+    """
+    if periods is not None:
+        raise UsageError("--rig takes the period from the rig's blur: leave --periods out")
+    from fringeworks.diagnose.advice_blur import best_even_period
+    from fringeworks.files import read_rig
+    from fringeworks.files.blur import blur_of_rig
+
+    sigmas = blur_of_rig(read_rig(rig))
+    if not sigmas:
+        raise UsageError(f"{rig} keeps no blur; `fringeworks advise TEST --rig {rig}` writes it")
+    return f"{best_even_period(max(sigmas.values())):g}"
 
 
 def describe_sets(output: Output, sequence: Sequence) -> list[dict[str, Any]]:
@@ -96,11 +154,17 @@ def describe_sets(output: Output, sequence: Sequence) -> list[dict[str, Any]]:
 
     named = zip(sequence.sets, frame_names(sequence), strict=True)
     sets: list[dict[str, Any]] = [
-        {"pattern": _describe(item), "images": files} for item, files in named
+        {"pattern": _describe(item), "exposure_ms": item.exposure_ms, "images": files}
+        for item, files in named
     ]
-    rows = [(item["pattern"], str(len(item["images"])), item["images"][0]) for item in sets]
+    rows = [(_shown(item), str(len(item["images"])), item["images"][0]) for item in sets]
     output.table(("set", "images", "first"), rows, numbers=(1,))
     return sets
+
+
+def _shown(item: dict[str, Any]) -> str:
+    exposed = "" if item["exposure_ms"] is None else f", {item['exposure_ms']:g} ms"
+    return f"{item['pattern']}{exposed}"
 
 
 def refuse_occupied(folder: Path, *, overwrite: bool) -> None:

@@ -13,9 +13,16 @@ from fringeworks.cli.arguments import (
     OrdersOption,
     ZRangeOption,
     parse_ranges,
-    refuse_planned,
+)
+from fringeworks.cli.motion import (
+    MotionOption,
+    OtherLightOption,
+    hold_asked,
+    summarise_motion,
+    tell_motion,
 )
 from fringeworks.cli.output import JsonFlag, Output, percent
+from fringeworks.cli.response import ResponseOption, read_asked, summarise_used
 
 Model = Literal["geometric", "extended", "full"]
 
@@ -64,7 +71,9 @@ def scan(
             "--exact", help="Solve the full model at every pixel rather than by its table."
         ),
     ] = False,
-    response: Annotated[str | None, typer.Option(hidden=True, callback=refuse_planned)] = None,
+    response: ResponseOption = None,
+    motion: MotionOption = None,
+    other_light: OtherLightOption = False,
 ) -> None:
     """Measure: decode a capture and triangulate it with a rig into a cloud, mm, camera frame.
 
@@ -79,6 +88,9 @@ def scan(
     output = Output(as_json=as_json)
     from fringeworks.cli.convert import move_to
     from fringeworks.files import read_capture, read_rig, write_cloud
+    from fringeworks.files.response import response_of_rig
+    from fringeworks.phase.demodulate import MaskRules
+    from fringeworks.phase.response import choose_response
     from fringeworks.pipeline import scan as scan_capture
     from fringeworks.pipeline import scan_stages
     from fringeworks.reconstruct.full import CloudRules
@@ -88,8 +100,11 @@ def scan(
         calibrated = read_rig(rig)
         read = read_capture(capture, group=group, progress=progress)
         output.findings(read.name, read.findings)
+        read, moved = hold_asked(read, motion)
         rules = CloudRules(axis=axis, z_range_mm=depths, exact=exact)
+        used = choose_response(read, read_asked(response), response_of_rig(calibrated))
         options: dict[str, Any] = {"orders": orders, "cloud_rules": rules, "model": model}
+        options |= {"response": used, "mask_rules": MaskRules(other_light=other_light)}
         if figures is None:
             cloud = scan_capture(read, calibrated, **options)
         else:
@@ -105,10 +120,12 @@ def scan(
 
     summary = summarise_cloud(cloud)
     describe_cloud(output, read.name, summary)
+    tell_motion(output, moved)
     output.written([out])
     output.written(drawn)
     output.result(
         {"capture": read.name, "rig": rig, "out": out, **summary, "figures": drawn}
+        | {"response": summarise_used(used), "motion": summarise_motion(moved)}
         | {"findings": [str(finding) for finding in (*read.findings, *cloud.findings)]}
     )
 

@@ -8,13 +8,15 @@ from typing import Annotated, Any
 import typer
 
 from fringeworks.cli.output import JsonFlag, Output, percent
+from fringeworks.cli.response import CurveOption, read_curve
 from fringeworks.cli.sequences import (
     AxesOption,
     CodeOption,
     CodewordsOption,
+    ExposuresOption,
     InvertedOption,
     PeriodsOption,
-    Preset,
+    Shown,
     StepsOption,
     sequence_of,
 )
@@ -25,12 +27,13 @@ def twin(
         str,
         typer.Argument(
             metavar="SCENE",
-            help="cylinder, two, hand, wall, step, balls, board (14 poses), or a scene.toml.",
+            help="cylinder, two, hand, wall, step, balls, contrast, board (14 poses), or a "
+            "scene.toml.",
         ),
     ],
     rig: Annotated[str, typer.Option("--rig", metavar="RIG", help="paper, warped, or a rig.json.")],
     preset: Annotated[
-        Preset, typer.Option("--preset", help="What is projected; see `fringeworks patterns`.")
+        Shown, typer.Option("--preset", help="What is projected; see `fringeworks patterns`.")
     ],
     out: Annotated[Path, typer.Option("--out", metavar="CAPTURE", help="Folder to write into.")],
     sensor: Annotated[
@@ -50,6 +53,8 @@ def twin(
     code: CodeOption = None,
     inverted: InvertedOption = None,
     codewords: CodewordsOption = None,
+    exposures: ExposuresOption = None,
+    response: CurveOption = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace captures that are there already.")
     ] = False,
@@ -78,7 +83,9 @@ def twin(
         code=code,
         inverted=inverted,
         codewords=codewords,
+        exposures=exposures,
     )
+    curve, bent = read_curve(response, width=before.projector.width, height=before.projector.height)
     effects = Effects() if sensor is None else read_sensor(sensor)
     with output.working() as progress:
         folders = write_simulations(
@@ -88,8 +95,13 @@ def twin(
             out,
             effects=effects,
             seed=seed,
-            facts={"preset": preset, "rig": rig},
-            inputs=[*files_of(scene), *files_of(rig), *([] if sensor is None else [sensor])],
+            facts={"preset": preset, "rig": rig, **bent},
+            curve=curve,
+            inputs=[
+                *files_of(scene),
+                *files_of(rig),
+                *(path for path in (sensor, response) if path),
+            ],
             overwrite=overwrite,
             progress=progress,
         )

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import to_rgb
+from matplotlib import colormaps
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
@@ -18,10 +19,11 @@ from fringeworks.model import (
     Axis,
     CodedAxis,
     FloatMap,
+    Fusion,
     Void,
     WrappedPhase,
 )
-from fringeworks.model.phase import VOID_WORDS, VoidMap
+from fringeworks.model.phase import NO_EXPOSURE, VOID_WORDS, VoidMap
 from fringeworks.phase.decode import Decoding
 from fringeworks.report.canvas import (
     Shade,
@@ -40,6 +42,7 @@ VOID_COLOURS = {
     Void.MODULATION: "#0072b2",
     Void.RESIDUAL: "#e69f00",
     Void.ORDER: "#cc79a7",
+    Void.OTHER_LIGHT: "#56b4e9",
 }
 """Okabe and Ito's palette: told apart by colour-blind readers too."""
 
@@ -51,7 +54,8 @@ def save_decoding(decoding: Decoding, folder: Path) -> list[Path]:
     """Draw every stage of a decoding into `folder`; returns the paths.
 
     Files are called like the maps of ``phase.npz``: ``modulation_x.png``, ``wrapped_x.png``,
-    ``order_x.png``, ``column.png`` (for y: ``row.png``), ``sigma_px_x.png``, ``voids_x.png``. A
+    ``order_x.png``, ``column.png`` (for y: ``row.png``), ``sigma_px_x.png``, ``voids_x.png``, and
+    ``exposures_x.png`` where several were fused. A
     Gray code alone has neither phase nor order, and one sigma for all pixels.
     """
     return save_figures(draw_decoding(decoding), folder)
@@ -61,6 +65,9 @@ def draw_decoding(decoding: Decoding) -> Iterator[tuple[str, Figure]]:
     """Name and figure of every stage, axis by axis."""
     for axis in decoding.coded:
         yield from _draw_coded(axis)
+    for wrapped in decoding.finest:
+        if wrapped.fusion is not None:
+            yield f"exposures_{wrapped.fringe.axis}", _draw_exposures(wrapped, wrapped.fusion)
     for wrapped, _ in decoding.relative:
         name = wrapped.fringe.axis
         yield f"modulation_{name}", _draw_modulation(wrapped.modulation, name)
@@ -107,6 +114,18 @@ def _draw_order(phase: AbsolutePhase) -> Figure:
     marks = MaxNLocator(8, integer=True).tick_values(low, high)
     ticks = {float(mark): f"{mark:.0f}" for mark in marks if low <= mark <= high}
     return map_figure(order, Shade("fringe order", limits=(low, high), ticks=ticks), title)
+
+
+def _draw_exposures(wrapped: WrappedPhase, fusion: Fusion) -> Figure:
+    """Which exposure weighs most at each pixel, from the shortest, dark, to the longest."""
+    count = len(fusion.exposures_ms)
+    shades = colormaps["viridis"](np.linspace(0.1, 0.95, count))
+    words, colours = {0: "void"}, dict[int, str]()
+    for place, exposure_ms in enumerate(fusion.exposures_ms):
+        words[place + 1], colours[place + 1] = f"{exposure_ms:g} ms", to_hex(shades[place])
+    ruling = np.where(fusion.ruling == NO_EXPOSURE, 0, fusion.ruling + 1).astype(np.uint8)
+    title = f"exposure that weighs most, axis {wrapped.fringe.axis}"
+    return draw_rules(ruling, wrapped.offset, title, rules=(words, colours))
 
 
 def draw_voids(void: VoidMap, offset: FloatMap, title: str) -> Figure:

@@ -18,6 +18,7 @@ from fringeworks.model import Cloud, CodedAxis, Lens, Noise, Rig, Void, WrappedP
 from fringeworks.model.cloud import REASON_WORDS, ReasonMap
 from fringeworks.model.phase import VOID_WORDS, VoidMap
 from fringeworks.phase.decode import Decoding
+from fringeworks.report.findings import summarise_finding
 
 if TYPE_CHECKING:  # a scan need not load what calibrates, nor what simulates
     from fringeworks.calibrate.record import CalibrationRecord, ViewRecord
@@ -50,6 +51,7 @@ def _summarise_coded(axis: CodedAxis) -> Summary:
         "voids": _void_shares(axis.void),
         "sigma_px_median": _median(axis.sigma),
         "noise": None if axis.phase is None else _noise(axis.phase.wrapped.noise),
+        "exposures": [] if axis.phase is None else _exposures(axis.phase.wrapped),
     }
 
 
@@ -62,7 +64,17 @@ def _summarise_relative(wrapped: WrappedPhase, reason: str) -> Summary:
         "voids": _void_shares(wrapped.void),
         "sigma_rad_median": _median(wrapped.sigma),
         "noise": _noise(wrapped.noise),
+        "exposures": _exposures(wrapped),
     }
+
+
+def _exposures(wrapped: WrappedPhase) -> list[Summary]:
+    """Fused exposures, and of how many of the decoded pixels each is the one that weighs most."""
+    fusion = wrapped.fusion
+    if fusion is None:
+        return []
+    told = zip(fusion.exposures_ms, fusion.shares, strict=True)
+    return [{"exposure_ms": exposure_ms, "share": share} for exposure_ms, share in told]
 
 
 def _void_shares(void: VoidMap) -> dict[str, float]:
@@ -246,7 +258,7 @@ def summarise_record(record: CalibrationRecord | None) -> Summary:
         "failed_captures": [
             {"name": name, "reason": reason} for name, reason in record.failed_captures
         ],
-        "findings": [str(finding) for finding in record.findings],
+        "findings": [summarise_finding(finding) for finding in record.findings],
         "k3": [asdict(trial) for trial in record.k3],
         "halves": None if record.halves is None else record.halves.numbers,
         "left_out": list(record.left_out),

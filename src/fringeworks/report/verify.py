@@ -16,6 +16,7 @@ from fringeworks.calibrate.held.misfit import Misfit
 from fringeworks.calibrate.held.verify import Verification
 from fringeworks.model import Camera, Projector, Rig
 from fringeworks.report.canvas import CAMERA_COLOUR, PROJECTOR_COLOUR, new_figure, save_figures
+from fringeworks.report.findings import summarise_finding
 
 ARROW_SHARE = 0.05
 """Length of the largest miss as a share of the image's width."""
@@ -42,6 +43,7 @@ def summarise_verification(found: Verification, rig: Rig) -> dict[str, Any]:
         "limits_from": found.limits_from,
         "moved": None if moved is None else moved.sentence,
         "moved_parts": [] if moved is None else [cause.name for cause in moved.named],
+        "findings": [summarise_finding(finding) for finding in found.findings],
         "causes": [] if moved is None else [asdict(cause) for cause in moved.causes],
     }
 
