@@ -1,4 +1,4 @@
-# make setup | demo | test | lint | format | bench | freeze | clean
+# make setup | demo | test | lint | format | fuzz | bench | freeze | clean
 # Without make (Windows): see README.md.
 
 SHELL := /bin/sh
@@ -9,6 +9,8 @@ STAMP := $(VENV)/.setup-done
 BENCH_STAMP := $(BENCH_VENV)/.setup-done
 PIP_INSTALL := -m pip install --quiet --no-input --disable-pip-version-check
 PYTEST_ARGS ?=
+MINUTES ?= 10
+KILLS ?= 20
 OUT ?= out/demo
 
 # An interpreter of your choice: make setup PYTHON=python3.12
@@ -16,7 +18,7 @@ PYTHON ?=
 CANDIDATES := $(if $(PYTHON),$(PYTHON),python3 python3.13 python3.12 python3.11 python)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format bench freeze clean
+.PHONY: help setup demo test lint format fuzz bench freeze clean
 .DELETE_ON_ERROR:
 
 help:
@@ -25,6 +27,7 @@ help:
 	@echo "make test     all tests (PYTEST_ARGS='-k gray' to choose)"
 	@echo "make lint     ruff, mypy --strict, import-linter"
 	@echo "make format   let ruff rewrite"
+	@echo "make fuzz     spoilt files, $(MINUTES) minutes for each reader, then killed commands (MINUTES=1 KILLS=3)"
 	@echo "make bench    speed and accuracy beside the peers, in $(BENCH_VENV)"
 	@echo "make freeze   print the versions in $(VENV), for constraints.txt"
 	@echo "make clean    remove both environments and all caches"
@@ -53,6 +56,10 @@ lint: setup
 format: setup
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+fuzz: setup
+	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
+	$(BIN)/python -m tests.fuzz --kills $(KILLS)
 
 bench: $(BENCH_STAMP)
 	$(BENCH_VENV)/bin/fringeworks bench
