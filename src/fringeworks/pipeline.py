@@ -40,6 +40,7 @@ from fringeworks.model import (
 from fringeworks.phase.decode import Decoding, decode_phases
 from fringeworks.phase.demodulate import MaskRules
 from fringeworks.phase.exposures import notice_exposures
+from fringeworks.phase.gloss import notice_one_period
 from fringeworks.phase.methods import OrdersName
 from fringeworks.phase.response import choose_response, notice_response
 from fringeworks.phase.window import volume_of
@@ -109,7 +110,9 @@ def scan_stages(
     decoding = decode_phases(capture, rules=mask_rules, orders=orders, volume=volume, response=used)
     cloud = cloud_of(capture, decoding.projector_map(), rig, rules=cloud_rules, model=model)
     fused = notice_exposures(decoding.finest)
-    findings = (*cloud.findings, *notice_response(capture, used, kept), *fused)
+    other = mask_rules is not None and mask_rules.other_light
+    blind = notice_one_period(capture.sequence.sets) if other else ()
+    findings = (*cloud.findings, *notice_response(capture, used, kept), *fused, *blind)
     return replace(cloud, findings=findings), decoding
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from typer.testing import CliRunner
 
 from fringeworks.cli.app import app
 from fringeworks.diagnose.advice_blur import best_even_period
-from fringeworks.files import read_rig, write_capture, write_rig
+from fringeworks.files import read_capture, read_rig, write_capture, write_rig
 from fringeworks.files.blur import blur_of_rig
 from tests.calibrate.faults import half_rig
 from tests.diagnose.probed import probe, sharpened
@@ -93,3 +94,12 @@ def test_wrong_use(option: str, value: str, words: str, tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["advise", str(tmp_path), option, value])
     assert done.exit_code == 2
     assert words in done.stderr
+
+
+def test_another_exposure_than_the_captures_is_refused(frames: Path, tmp_path: Path) -> None:
+    once = read_capture(frames)
+    sets = tuple(replace(item, exposure_ms=10.0) for item in once.sequence.sets)
+    write_capture(replace(once, sequence=replace(once.sequence, sets=sets)), tmp_path / "said")
+    arguments = ["advise", str(tmp_path / "said"), "--exposure-ms"]
+    assert CliRunner().invoke(app, [*arguments, "20"]).exit_code == 2
+    assert CliRunner().invoke(app, [*arguments, "10"]).exit_code == 0

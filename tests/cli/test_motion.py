@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fringeworks.cli.app import app
-from fringeworks.files import write_capture
+from fringeworks.files import read_capture, write_capture
 from fringeworks.model import Capture, Fringe, PatternSet, Sensor, Sequence
 from fringeworks.patterns import equal_shifts
 
@@ -73,3 +74,30 @@ def test_other_light_is_an_option_beside_it(folder: Path, tmp_path: Path) -> Non
 def test_other_words_are_refused(folder: Path, tmp_path: Path) -> None:
     status, _ = run(str(folder), "--out", str(tmp_path / "p.npz"), "--motion", "1,2,3")
     assert status != 0
+
+
+def test_a_motion_out_of_the_image_is_refused(folder: Path, tmp_path: Path) -> None:
+    status, told = run(str(folder), "--out", str(tmp_path / "p.npz"), "--motion", "200,0")
+    assert status == 1
+    assert "leaves no pixel inside the image" in told
+
+
+def test_several_exposures_are_refused(folder: Path, tmp_path: Path) -> None:
+    once = read_capture(folder)
+    sets = [replace(item, exposure_ms=ms) for ms in (4.0, 8.0) for item in once.sequence.sets]
+    twice = replace(once, sequence=replace(once.sequence, sets=tuple(sets)), frames=once.frames * 2)
+    write_capture(twice, tmp_path / "twice")
+    out = ("--out", str(tmp_path / "p.npz"))
+    for motion in ("auto", "0,0"):
+        status, told = run(str(tmp_path / "twice"), *out, "--motion", motion)
+        assert status == 1
+        assert "frames of one exposure" in told
+
+
+def test_one_period_tells_nothing_of_other_light(folder: Path, tmp_path: Path) -> None:
+    both = read_capture(folder)
+    fine = replace(both.sequence, sets=both.sequence.sets[1:])
+    write_capture(replace(both, sequence=fine, frames=both.frames[1:]), tmp_path / "fine")
+    asked = ("--out", str(tmp_path / "p.npz"), "--other-light", "--json")
+    assert "no two periods" in run(str(tmp_path / "fine"), *asked)[1]
+    assert "no two periods" not in run(str(folder), *asked)[1]

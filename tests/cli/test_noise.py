@@ -66,6 +66,7 @@ def test_patterns_and_what_cannot_be_measured(tmp_path: Path) -> None:
     done = run("patterns", "noise", *size, "--steps", "4")
     assert done.exit_code == 2
     assert "preset noise shows grey levels" in done.stderr
+    assert run("patterns", "noise", *size, "--axes", "x").exit_code == 2
     values = told("patterns", "noise", *size)
     assert values["images"] == 64
     shown = read_capture(tmp_path / "p").sequence.sets

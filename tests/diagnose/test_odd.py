@@ -13,6 +13,7 @@ from fringeworks.diagnose import check_capture
 from fringeworks.diagnose.look import look_at
 from fringeworks.errors import ShapeError, UsageError
 from fringeworks.experiments.faults import good, half_rig
+from fringeworks.experiments.faults.base import eight_steps, shoot
 from fringeworks.model import (
     Capture,
     Codeword,
@@ -25,8 +26,8 @@ from fringeworks.model import (
     Sequence,
     Uniform,
 )
-from fringeworks.patterns import make_sequence, render_sequence
-from fringeworks.twin.scenes import paper_rig
+from fringeworks.patterns import make_sequence, probe_sequence, render_sequence
+from fringeworks.twin.scenes import named_scene, paper_rig
 
 WIDTH, HEIGHT = 128, 96
 
@@ -177,3 +178,15 @@ def test_what_could_not_be_looked_for_is_said() -> None:
         "motion and wrong shifts inside a set of three frames"
     ]
     assert four.unseen == ()
+
+
+def test_bright_things_before_a_void_are_not_dark() -> None:
+    """The balls fill a twentieth of the image: its brightest twentieth has their dim rims."""
+    capture = shoot(eight_steps(), 3, scene=named_scene("balls"))
+    assert np.mean([look.lit.mean() for look in look_at(capture)]) < 0.06
+    assert names(capture) == []
+
+
+def test_frames_of_the_test_preset_are_no_fault() -> None:
+    """Their grey stripes tell no orders, and no colour camera is asked for."""
+    assert names(shoot(probe_sequence(width=304, height=342), 1)) == []

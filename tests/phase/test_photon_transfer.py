@@ -66,6 +66,12 @@ def test_the_camera_is_recovered_within_its_sigma(effects: CameraEffects, repeat
     assert (rms > 0.3).all(), rms  # chi-squared of 8 is below 0.7 in 4e-4
 
 
+def test_dark_frames_with_light_are_refused() -> None:
+    flats = see_flats(TWELVE, 1)
+    with pytest.raises(DecodeError, match="are not dark"):
+        measure_noise([flats], dark=[flats])
+
+
 def test_flicker_is_no_noise() -> None:
     """A lamp of 10 % would be a variance of (0.1 x 3400)^2 at white, a hundred times the noise."""
     found = measure_noise([see_flats(TWELVE, 1, flicker=0.1)])

@@ -80,7 +80,10 @@ def advise(
         output.line(f"blur kept in {rig}")
     output.written(drawn)
     output.written(pages)
-    output.result({**summarise_advice(found), "rig": rig, "figures": drawn, "report": report})
+    output.result(
+        {**summarise_advice(found), "rig": rig, "figures": drawn, "report": report}
+        | {"findings": [str(finding) for finding in read.findings]}
+    )
 
 
 def _describe(output: Output, found: Advice) -> None:

@@ -64,14 +64,6 @@ def require_positive(option: str, value: float) -> None:
         raise UsageError(f"{option} must be positive, got {value:g}")
 
 
-def require_built(option: str, value: str, *, built: str, planned: tuple[str, ...]) -> None:
-    """Of several names that are fixed only `built` exists so far."""
-    if value in planned:
-        raise UsageError(f"{option} {value} is planned and not built yet; use {built}")
-    if value != built:
-        raise UsageError(f"{option} must be {built}, got '{value}'")
-
-
 Axis = Literal["x", "y"]
 
 GroupOption = Annotated[

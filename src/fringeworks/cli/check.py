@@ -34,10 +34,10 @@ def check(
 
     Looked for are saturation, darkness, ambient light, flicker and drift of the light, motion,
     frames out of order, missing or repeated, wrong shifts, inverted or swapped Gray bits, the
-    Gray code's margin, gamma, blur, and with --rig points off their epipolar lines. Costs are
-    errors of depth (mm) with --rig, else of the projector coordinate (px); a pixel that is lost
-    counts as known to a period alone. A capture with faults ends with status 0 too: --json says
-    clean true or false.
+    Gray code's margin, gamma, blur, light by way of other surfaces, and with --rig points off
+    their epipolar lines. Costs are errors of depth (mm) with --rig, else of the projector
+    coordinate (px); a pixel that is lost counts as known to a period alone. A capture with faults
+    ends with status 0 too: --json says clean true or false.
     """
     output = Output(as_json=as_json)
     from fringeworks.diagnose import check_capture

@@ -75,6 +75,7 @@ def decode(
     from fringeworks.files.response import response_of_rig
     from fringeworks.phase.decode import decode_phases
     from fringeworks.phase.demodulate import MaskRules
+    from fringeworks.phase.gloss import notice_one_period
     from fringeworks.phase.response import choose_response, notice_response
     from fringeworks.phase.window import Volume, volume_of
     from fringeworks.report.summary import summarise_decoding
@@ -93,7 +94,8 @@ def decode(
             rules = replace(rules, modulation_share=min_modulation / read.sensor.full_scale)
         kept = None if known is None else response_of_rig(known)
         used = choose_response(read, read_asked(response), kept)
-        told = tuple(notice_response(read, used, kept))
+        blind = notice_one_period(read.select().sequence.sets) if other_light else ()
+        told = (*notice_response(read, used, kept), *blind)
         output.findings(read.name, told)
         decoding = decode_phases(read, rules=rules, orders=orders, volume=volume, response=used)
         axes = summarise_decoding(decoding)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -54,6 +55,7 @@ def noise(
     from fringeworks.files import read_capture
     from fringeworks.files.camera import lay_out_camera, write_camera
     from fringeworks.phase.photon_transfer.measure import measure_noise
+    from fringeworks.report.noise import summarise_noise
 
     with output.working() as progress:
         read = [read_capture(path, group=group, progress=progress) for path in captures]
@@ -76,19 +78,11 @@ def noise(
     for path in written:
         output.line(f"kept in {path}")
     output.written(drawn)
-    _print_json(output, found, (captures, written, drawn))
-
-
-def _print_json(
-    output: Output, found: PhotonTransfer, paths: tuple[list[Path], list[Path], list[Path]]
-) -> None:
-    from fringeworks.report.noise import summarise_noise
-
-    captures, written, drawn = paths
+    findings = [*chain.from_iterable(item.findings for item in (*read, *capped)), *found.findings]
     output.result(
-        {"captures": captures, **summarise_noise(found), "camera": _table_of(found)}
+        {"captures": captures, **summarise_noise(found), "camera": table}
         | {"written": written, "figures": drawn}
-        | {"findings": [str(finding) for finding in found.findings]}
+        | {"findings": [str(finding) for finding in findings]}
     )
 
 

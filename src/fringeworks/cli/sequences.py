@@ -100,7 +100,8 @@ def sequence_of(
 
     if preset == "response" or preset == "noise" or preset == "test":
         once = None if preset == "noise" else exposures
-        _refuse_options(preset, (steps, periods, code, inverted, codewords, once))
+        some = None if axes == "xy" else axes
+        _refuse_options(preset, (some, steps, periods, code, inverted, codewords, once))
         fixed = {"response": grey_levels, "noise": noise_levels, "test": probe_sequence}[preset]
         sequence = fixed(width=width, height=height)
     else:
@@ -123,7 +124,7 @@ def sequence_of(
 def _refuse_options(preset: Shown, options: tuple[object, ...]) -> None:
     if any(value is not None for value in options):
         shown = "frames of its own" if preset == "test" else "grey levels"
-        raise UsageError(f"preset {preset} shows {shown}: no option changes its fringes")
+        raise UsageError(f"preset {preset} shows {shown}: no option changes them")
 
 
 def _parse_codewords(text: str) -> Codewords:

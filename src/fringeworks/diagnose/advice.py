@@ -34,7 +34,7 @@ from fringeworks.diagnose.advice_light import (
 from fringeworks.diagnose.advice_projector import find_scaling, find_sharpening
 from fringeworks.diagnose.advice_steps import Steps, choose_steps, find_gamma
 from fringeworks.diagnose.look import Look, look_at
-from fringeworks.errors import DecodeError
+from fringeworks.errors import DecodeError, UsageError
 from fringeworks.model import Axis, Capture, FloatMap, Fringe
 
 USUAL_PERIOD_PX = 16.0
@@ -106,7 +106,7 @@ def advise(
     DecodeError
         There are no fringes, or none that could be seen.
     UsageError
-        There is no such group.
+        There is no such group; or the capture says another exposure than `exposure_ms`.
     """
     chosen = _at_best_exposure(capture.select(group))
     looks = look_at(chosen)
@@ -118,16 +118,15 @@ def advise(
     complaints = tuple(_complaints(chosen, looks, coarse, ratios=ratios, blurs=blurs))
     transfer = transfer_of(sigma, period)
     reach = find_reach(chosen, coarse, transfer=transfer)
-    taken = chosen.sequence.sets[coarse.place].exposure_ms or exposure_ms
+    taken = _exposure_of(chosen, coarse, exposure_ms)
     flickers = any(item.name == "flicker" for item in complaints)
     ladder = choose_ladder(
         reach, exposure_ms=taken, half_period_ms=500 / mains_hz if flickers else None
     )
     complaints += tuple(_uncovered(reach, ladder))
+    noise = _noise_of_one_step(reach, ladder, noise_of(coarse, chosen.sensor))
     steps = choose_steps(
-        noise_px=_noise_of_one_step(reach, ladder, noise_of(coarse, chosen.sensor))
-        * period
-        / transfer,
+        noise_px=noise * period / transfer,
         gamma=find_gamma(looks),
         period_px=period,
         sigma_px=sigma,
@@ -163,6 +162,17 @@ def _at_best_exposure(capture: Capture) -> Capture:
         return max(int(np.count_nonzero(look.lit)) for look in look_at(alone))
 
     return max(map(only, exposures), key=seen)
+
+
+def _exposure_of(capture: Capture, look: Look, told_ms: float | None) -> float | None:
+    """That of the test, ms, by the capture or by who asks."""
+    said = capture.sequence.sets[look.place].exposure_ms
+    if said is not None and told_ms is not None and said != told_ms:
+        raise UsageError(
+            f"exposure_ms must be the {said:g} of {capture.name}'s own capture.toml, or left out, "
+            f"got {told_ms:g}"
+        )
+    return said or told_ms
 
 
 def _coarsest(capture: Capture, looks: Sequence[Look]) -> Look:

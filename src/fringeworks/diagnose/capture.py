@@ -28,31 +28,14 @@ from fringeworks.phase.decode import decode_phases
 from fringeworks.phase.window import volume_of
 from fringeworks.reconstruct.full import check_size
 
+OF_WRONG_LIGHT = frozenset(
+    {"gamma", "light drift", "blur", "gray margin", "motion", "flicker", "other light", "epipolar"}
+)
+"""What too much light imitates, or too little."""
+
 OUTDONE: Mapping[str, frozenset[str]] = {
-    "saturation": frozenset(
-        {
-            "gamma",
-            "light drift",
-            "blur",
-            "gray margin",
-            "motion",
-            "flicker",
-            "other light",
-            "epipolar",
-        }
-    ),
-    "too dark": frozenset(
-        {
-            "gamma",
-            "light drift",
-            "blur",
-            "gray margin",
-            "motion",
-            "flicker",
-            "other light",
-            "epipolar",
-        }
-    ),
+    "saturation": OF_WRONG_LIGHT,
+    "too dark": OF_WRONG_LIGHT,
     "gamma": frozenset({"flicker", "light drift", "other light", "epipolar"}),
     "motion": frozenset({"gamma", "flicker", "light drift", "other light", "epipolar"}),
     "flicker": frozenset({"light drift", "gray margin", "other light", "epipolar"}),

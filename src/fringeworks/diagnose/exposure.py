@@ -22,6 +22,9 @@ DARK_SHARE = 0.075
 
 BRIGHT_PERCENT = 95.0
 
+LEAST_THING = 0.01
+"""Of the image: so large a thing counts by itself, whatever is dark or empty about it."""
+
 AMBIENT_SHARE = 0.35
 """Of the white frame; the twin's default scene has 0.1, real ones in a lit room 0.2."""
 
@@ -71,7 +74,9 @@ def find_darkness(capture: Capture, looks: Sequence[Look]) -> Iterator[Suspicion
             continue
         bright = float(np.percentile(look.modulation, BRIGHT_PERCENT))
         share = bright / capture.sensor.full_scale
-        if share >= DARK_SHARE or (black is not None and _faded(look, black, bright)):
+        if max(bright, _of_small_thing(look)) >= DARK_SHARE * capture.sensor.full_scale:
+            continue
+        if black is not None and _faded(look, black, bright):
             continue
         lost = 1 - np.count_nonzero(look.lit) / look.lit.size
         yield Suspicion(
@@ -85,6 +90,11 @@ def find_darkness(capture: Capture, looks: Sequence[Look]) -> Iterator[Suspicion
             look.modulation,
             "modulation, grey levels",
         )
+
+
+def _of_small_thing(look: Look) -> float:
+    """Modulation, grey levels, of the median pixel that sees fringes; 0 where next to none does."""
+    return float(np.median(look.modulation[look.lit])) if look.lit.mean() > LEAST_THING else 0.0
 
 
 def _faded(look: Look, black: FloatMap, bright: float) -> bool:

@@ -14,7 +14,7 @@ from fringeworks.diagnose.hypotheses import (
     score_axis,
     thin,
 )
-from fringeworks.diagnose.look import LEAST_PIXELS, Look, name_of, uniform_at
+from fringeworks.diagnose.look import LEAST_PIXELS, Look, codes_in_light, name_of
 from fringeworks.diagnose.suspicion import Suspicion, wrong_order_px
 from fringeworks.model import AXES, Axis, Capture, FloatMap, GrayCode
 from fringeworks.phase.bit_order import find_bit_order
@@ -86,18 +86,9 @@ def _repeated(look: Look, one: int, other: int) -> Suspicion:
 
 def _repeated_bits(capture: Capture, looks: Sequence[Look]) -> Iterator[Suspicion]:
     """Two bits that change over the image, and nowhere apart: no code has such bits."""
-    for place, item in enumerate(capture.sequence.sets):
-        if not isinstance(item.pattern, GrayCode) or item.repeats != 1:
-            continue
-        uniform = uniform_at(capture, item.exposure_ms)
-        if uniform is None:
-            continue
-        black, contrast = uniform[1], uniform[0] - uniform[1]
-        lit = contrast > 0.1 * capture.sensor.full_scale
-        if np.count_nonzero(lit) < LEAST_PIXELS:
-            continue
+    for place, code, black, contrast, lit in codes_in_light(capture):
         share = (capture.frames[place].astype(np.float32) - black)[:, lit] / contrast[lit]
-        bits = share[: item.pattern.bits] > 0.5
+        bits = share[: code.bits] > 0.5
         for one in range(len(bits) - 1):
             told = 0.02 < bits[one].mean() < 0.98
             if told and np.mean(bits[one] != bits[one + 1]) < 0.005:

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fringeworks.diagnose.look import LEAST_PIXELS, Look, name_of, uniform_at
+from fringeworks.diagnose.look import Look, codes_in_light, name_of
 from fringeworks.diagnose.suspicion import Suspicion, wrong_order_px
-from fringeworks.model import Capture, GrayCode
+from fringeworks.model import Capture
 
 LEAST_LEVEL = 0.75
 """Median level of the lit bits, 0 black and 1 white; and one less that of the dark ones."""
@@ -26,22 +26,12 @@ LEAST_SIDE = 0.1
 def find_margin(capture: Capture, looks: Sequence[Look]) -> Iterator[Suspicion]:
     """Codes whose bits are neither as light as white nor as dark as black."""
     period = max((look.fringe.period_px for look in looks), default=1.0)
-    for place, item in enumerate(capture.sequence.sets):
-        code = item.pattern
-        if not isinstance(code, GrayCode) or item.repeats != 1:
-            continue
-        uniform = uniform_at(capture, item.exposure_ms)
-        if uniform is None:
-            continue
-        black, contrast = uniform[1], uniform[0] - uniform[1]
-        lit = contrast > 0.1 * capture.sensor.full_scale
-        if np.count_nonzero(lit) < LEAST_PIXELS:
-            continue
+    for place, code, black, contrast, lit in codes_in_light(capture):
         wide = [n for n in range(code.bits) if code.cell_px * 2 ** (code.bits - n) >= NARROWEST_PX]
         if not wide:
             continue
         level = (capture.frames[place][wide].astype(np.float32) - black) / np.maximum(contrast, 1)
-        seen = level[:, lit]
+        seen = np.asarray(level[:, lit], np.float32)
         light, dark = _levels(seen)
         if light > LEAST_LEVEL and dark < 1 - LEAST_LEVEL:
             continue

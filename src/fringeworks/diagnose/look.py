@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,6 +17,9 @@ Bits = NDArray[np.bool_]
 
 LIT_SHARE = 8 / 255
 """Modulation, share of full scale, from which a pixel is lit by the fringes."""
+
+LIT_CONTRAST = 0.1
+"""White less black, share of full scale, from which a pixel tells light from dark."""
 
 LEAST_PIXELS = 500
 """Fewer lit pixels tell nothing."""
@@ -151,3 +154,19 @@ def _look(capture: Capture, place: int, fringe: Fringe) -> Look:
     return Look(
         place, fringe, frames, offset, modulation, phase, clipped, lit, capture.sensor.full_scale
     )
+
+
+def codes_in_light(capture: Capture) -> Iterator[tuple[int, GrayCode, FloatMap, FloatMap, Bits]]:
+    """Gray codes whose light and dark are known, each with where it stands in the sequence.
+
+    Behind it ``(H, W)``: black, white less black, and where that is a tenth of full scale.
+    """
+    for place, item in enumerate(capture.sequence.sets):
+        uniform = uniform_at(capture, item.exposure_ms)
+        if not isinstance(item.pattern, GrayCode) or item.repeats != 1 or uniform is None:
+            continue
+        white, black = uniform
+        contrast: FloatMap = np.asarray(white - black)
+        lit = np.asarray(contrast > LIT_CONTRAST * capture.sensor.full_scale)
+        if np.count_nonzero(lit) >= LEAST_PIXELS:
+            yield place, item.pattern, black, contrast, lit

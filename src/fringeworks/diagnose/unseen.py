@@ -18,6 +18,8 @@ def find_unseen(
         yield "light, motion, gamma, blur: too few pixels see fringes"
     if capture.white() is None or capture.black() is None:
         yield "ambient light, blur, the Gray code's margin: they need a white and a black frame"
+    if capture.sequence.reference_ms is not None:
+        yield "motion from one exposure to the next: their images differ by light alone"
     if any(look.fringe.frame_count == 3 for look in looks):
         yield "motion and wrong shifts inside a set of three frames: it leaves no residual"
         if decoded is None:

@@ -21,7 +21,16 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fringeworks.model import CodedAxis, FloatMap, Void, WrappedPhase
+from fringeworks.model import (
+    AXES,
+    CodedAxis,
+    Finding,
+    FloatMap,
+    Fringe,
+    PatternSet,
+    Void,
+    WrappedPhase,
+)
 
 Array: TypeAlias = NDArray[np.float64]
 Bits: TypeAlias = NDArray[np.bool_]
@@ -226,3 +235,21 @@ def without_other_light(axis: CodedAxis, phases: Sequence[WrappedPhase]) -> Code
         sigma=np.where(bad, nan, axis.sigma),
         void=np.where(bad, np.uint8(Void.OTHER_LIGHT), axis.void),
     )
+
+
+def notice_one_period(sets: Sequence[PatternSet]) -> Iterator[Finding]:
+    """A warning for each axis whose fringes can tell nothing of other light."""
+    for axis in AXES:
+        periods = [
+            item.pattern.period_px
+            for item in sets
+            if isinstance(item.pattern, Fringe) and item.pattern.axis == axis
+        ]
+        if periods and max(periods) < LEAST_PERIODS * min(periods):
+            yield Finding(
+                "warning",
+                f"axis {axis}: light by way of other surfaces was not looked for, since its "
+                f"fringes have no two periods {LEAST_PERIODS:g} times apart.",
+                "Show coarser fringes too (`--periods`).",
+                name="other light",
+            )

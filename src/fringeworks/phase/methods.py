@@ -13,6 +13,7 @@ from typing import Literal, TypeAlias, get_args
 
 from fringeworks.errors import DecodeError, UsageError
 from fringeworks.model import Codeword, Colour, GrayCode, Staircase
+from fringeworks.patterns.checks import has_hues
 from fringeworks.phase.chained import order_by_frequencies, order_by_gray
 from fringeworks.phase.codeframe import order_by_code_frame
 from fringeworks.phase.colour import order_by_colour
@@ -113,8 +114,11 @@ def choose_method(orders: OrdersName, frames: AxisFrames) -> MethodName:
 
 
 def holds(frames: AxisFrames, name: MethodName) -> bool:
-    """Whether the axis has the frames that a method reads besides fringes."""
-    return any(pattern.axis == frames.axis for pattern, *_ in frames.capture.find(READS[name]))
+    """Whether the axis has the frames that a method reads besides fringes; greys are none."""
+    return any(
+        pattern.axis == frames.axis and not (isinstance(pattern, Colour) and not has_hues(pattern))
+        for pattern, *_ in frames.capture.find(READS[name])
+    )
 
 
 def _chain_together(frames: AxisFrames) -> bool:

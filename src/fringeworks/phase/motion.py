@@ -121,8 +121,14 @@ def hold_still(
     Raises
     ------
     DecodeError
-        The capture has no fringes, or too few pixels see any.
+        The capture has no fringes, or several exposures; too few pixels see fringes; or nothing
+        stays in the image.
     """
+    if capture.sequence.reference_ms is not None:
+        raise DecodeError(
+            "motion is taken out of frames of one exposure, and the capture has several: give each "
+            "exposure its own `group` in capture.toml, and name one with --group"
+        )
     rules = rules or MaskRules()
     times = frame_times(capture.sequence)
     reference = reference_time(capture, times)
@@ -212,6 +218,12 @@ def _resample(capture: Capture, offsets: Items[Array]) -> Capture:
     """Each image taken `offsets` ``(n, 2)`` px from where it is, (x, y)."""
     extent = np.concatenate(offsets)
     lost = _leaves(capture.shape, extent)
+    if lost.all():
+        farthest = float(np.abs(extent).max())
+        raise DecodeError(
+            f"the motion, up to {farthest:.0f} camera px in the capture, leaves no pixel inside "
+            "the image in all frames: it is px per frame, not over the whole capture"
+        )
     saturation, full = capture.sensor.saturation, capture.sensor.full_scale
     stacks: list[Any] = [
         np.stack(
@@ -253,16 +265,3 @@ def _shifted(image: Frames, step: Array, levels: tuple[float, float], lost: Bits
     out = moved.copy()
     out[lost] = 0
     return out
-
-
-def describe_motion(motion: Motion) -> str:
-    """What was found and what it gained, in words."""
-    if motion.still:
-        return "nothing moves evenly in this capture: its frames stay as they are."
-    x, y = motion.image_px
-    rates = ", ".join(f"{rate:+.3f} px along {axis}" for axis, rate in motion.rates_px)
-    return (
-        f"motion was taken out: ({x:+.3f}, {y:+.3f}) px per frame in the image, and per frame "
-        f"{rates} in the projector; the result holds for frame {motion.reference:g}. Misfit of "
-        f"the fringes {motion.before:.2%} before, {motion.after:.2%} after."
-    )

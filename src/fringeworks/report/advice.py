@@ -133,6 +133,8 @@ def _exposures(found: Advice) -> Proposal:
     reason = (
         f"{ladder.coverage:.1%} of the lit pixels seen, {ladder.covered_before:.1%} in the test"
     )
+    if ladder.factors and not ladder.exposures_ms:
+        reason += "; --exposure-ms, that of the test, tells ms"
     if ladder.in_step:
         reason += ", whole half periods of the mains"
     elif any(item.name == "flicker" for item in found.complaints):

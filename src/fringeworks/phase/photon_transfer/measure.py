@@ -54,7 +54,8 @@ def measure_noise(captures: Sequence[Capture], *, dark: Sequence[Capture] = ()) 
     Raises
     ------
     DecodeError
-        No repeats; all saturated or dark; levels too much alike; scene or light unsteady.
+        No repeats; all saturated or dark; levels too much alike; scene or light unsteady; frames
+        of `dark` that are brighter than those with light.
     UsageError
         Captures that are not of one camera.
     """
@@ -160,11 +161,22 @@ def _find_black(
     """The black level by the best way that there is."""
     found = dark_level(dark) if dark else None
     if found is not None:
+        _check_dark(dark, lit=darkest(captures), margin=LEAST_KNOWN_BLACK * full_scale)
         return found, "dark"
     found = level_without_exposure(expose_series(captures, full_scale))
     if found is not None and found.sigma <= LEAST_KNOWN_BLACK * full_scale:
         return found, "exposures"
     return Estimate(captures[0].sensor.black_level), "assumed"
+
+
+def _check_dark(dark: Sequence[Capture], *, lit: float, margin: float) -> None:
+    """No frame without light is brighter than one with."""
+    brightest = max(frame.mean() for item in dark for stack in item.frames for frame in stack)
+    if brightest > lit + margin:
+        raise DecodeError(
+            f"the frames of {', '.join(item.name for item in dark)} are not dark: one has a mean "
+            f"of {brightest:.4g}, and the darkest level with light {lit:.4g}. Cap the lens"
+        )
 
 
 def _notice_black(
@@ -182,9 +194,11 @@ def _notice_black(
         low = max(-line.offset / line.gain, 0.0) if line.gain > 0 else 0.0
         high = max(darkest(captures), low)
         black = captures[0].sensor.black_level
+        others = sorted({item.sensor.black_level for item in captures} - {black})
+        beside = f" (others say {', '.join(f'{level:g}' for level in others)})" if others else ""
         yield Finding(
             "note",
-            f"the black level cannot be told: {black:g} is taken, from {captures[0].name}; "
+            f"the black level cannot be told: {black:g} is taken, from {captures[0].name}{beside}; "
             f"anything from {low:.2f} to {high:.2f} fits the curve. The gain does not depend on "
             "it, the read noise does.",
             "Give frames with the lens capped (--dark), or show one pattern at two exposures.",
