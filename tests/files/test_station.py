@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,14 @@ from fringeworks.errors import FormatError
 from fringeworks.files import write_rig, write_scene
 from fringeworks.files.mesh import write_mesh
 from fringeworks.files.station import Station, Timing, read_station
+from fringeworks.files.station_devices import (
+    FolderSettings,
+    GenicamSettings,
+    GenTLSettings,
+    PluginSettings,
+    SimulatedProjectorSettings,
+    WindowSettings,
+)
 from fringeworks.twin.effects import Effects
 from fringeworks.twin.scenes import named_rig
 from tests.files.test_mesh import pyramid
@@ -18,6 +27,13 @@ DEVICES = """[projector]
 kind = "simulated"
 [camera]
 kind = "simulated"
+"""
+REAL = """[projector]
+kind = "window"
+display = 1
+[camera]
+kind = "genicam"
+exposure_ms = 20
 """
 GOOD = f"""format = "fringeworks-station/1"
 {DEVICES}[simulated]
@@ -33,17 +49,21 @@ def station(folder: Path, text: str) -> Station:
 
 def test_what_is_not_given_is_the_default(tmp_path: Path) -> None:
     read = station(tmp_path, GOOD)
-    assert read.scene.name == "cylinder"
-    assert read.rig.camera == named_rig("paper").camera
-    assert read.effects == Effects()
-    assert (read.latency_ms, read.exposure_ms, read.seed) == (20.0, 10.0, 0)
-    assert read.timing == Timing(settle_ms=60.0, timeout_s=2.0, retries=3)
+    assert read.simulated is not None
+    assert read.simulated.scene.name == "cylinder"
+    assert read.simulated.rig.camera == named_rig("paper").camera
+    assert read.rig is read.simulated.rig
+    assert read.simulated.effects == Effects()
+    assert read.projector == SimulatedProjectorSettings(latency_ms=20.0)
+    assert (read.exposure_ms, read.simulated.seed) == (10.0, 0)
+    assert read.timing == Timing(settle_ms=60.0, drop_frames=0, timeout_s=2.0, retries=3)
     assert read.facts == {
-        "devices": "simulated",
+        "projector_kind": "simulated",
+        "projector_latency_ms": 20.0,
+        "camera_kind": "simulated",
         "scene": "cylinder",
         "rig": "paper",
         "seed": 0,
-        "latency_ms": 20.0,
     }
 
 
@@ -54,8 +74,20 @@ def test_every_key(tmp_path: Path) -> None:
     text = text.replace("[camera]", "latency_ms = 45.0\n[camera]")
     text += "seed = 5\n[timing]\nsettle_ms = 90\ntimeout_s = 0.5\nretries = 0\n"
     read = station(tmp_path, text)
-    assert (read.latency_ms, read.exposure_ms, read.seed) == (45.0, 7.0, 5)
+    assert read.simulated is not None
+    assert read.projector == SimulatedProjectorSettings(latency_ms=45.0)
+    assert (read.exposure_ms, read.simulated.seed) == (7.0, 5)
     assert read.timing == Timing(settle_ms=90.0, timeout_s=0.5, retries=0)
+
+
+def test_real_devices(tmp_path: Path) -> None:
+    text = f'format = "fringeworks-station/1"\n{REAL}[sensor]\ngain = 0.5\nread_noise = 1.0\n'
+    read = station(tmp_path, text)
+    assert read.projector == WindowSettings(display=1)
+    assert read.camera == GenicamSettings(exposure_ms=20.0)
+    assert read.exposure_ms == 20.0
+    assert read.sensor.sensor(1023.0).gain == 0.5
+    assert (read.simulated, read.rig, read.board) == (None, None, None)
 
 
 def test_files_stand_relative_to_the_stations(tmp_path: Path) -> None:
@@ -63,6 +95,7 @@ def test_files_stand_relative_to_the_stations(tmp_path: Path) -> None:
     write_rig(tmp_path / "rig.json", named_rig("paper"))
     text = GOOD.replace('"paper"', '"rig.json"')
     read = station(tmp_path, text)
+    assert read.rig is not None
     assert read.rig.projector == named_rig("paper").projector
     write_rig(tmp_path / "rig.json", named_rig("warped"))
     changed = station(tmp_path, text)
@@ -89,12 +122,13 @@ def test_a_scenes_meshes_are_facts_too(tmp_path: Path) -> None:
             "latency_ms = 60.5\n[camera]",
             "settle_ms must be at least projector.latency_ms, 60.5, got 60",
         ),
-        ('[camera]\nkind = "simulated"', '[camera]\nkind = "genicam"', "camera.kind 'genicam' is"),
-        ('[projector]\nkind = "simulated"', '[projector]\nkind = "window"', "'window' is planned"),
+        ('[camera]\nkind = "simulated"', '[camera]\nkind = "genicam"', "both be 'simulated' or"),
+        ('[projector]\nkind = "simulated"', '[projector]\nkind = "window"', "got 'window' and"),
+        (DEVICES, REAL, "simulated belongs to simulated devices"),
         (
             '[camera]\nkind = "simulated"',
             '[camera]\nkind = "eye"',
-            "camera.kind must be 'simulated'",
+            "kind must be one of simulated, genicam, gentl, opencv, folder, plugin, got 'eye'",
         ),
         ('[camera]\nkind = "simulated"\n', "", "camera is missing"),
         (DEVICES, 'camera = 3\n[projector]\nkind = "simulated"\n', "camera must be a table"),
@@ -118,3 +152,34 @@ def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, message: str
     assert old in GOOD
     with pytest.raises(FormatError, match=message):
         station(tmp_path, GOOD.replace(old, new))
+
+
+def test_the_stations_of_the_docs_are_read(tmp_path: Path) -> None:
+    write_rig(tmp_path / "rig.json", named_rig("paper"))
+    docs = Path(__file__).parents[2] / "docs"
+    blocks = [
+        block
+        for page in ("devices.md", "formats.md")
+        for block in re.findall(r"```toml\n(.*?)```", (docs / page).read_text(), re.DOTALL)
+        if "fringeworks-station/1" in block
+    ]
+    assert len(blocks) >= 5
+    for block in blocks:
+        station(tmp_path, block)
+
+
+def test_a_folders_path_is_relative_to_the_stations(tmp_path: Path) -> None:
+    text = f'format = "fringeworks-station/1"\n{REAL}'.replace('"genicam"', '"folder"\npath = "in"')
+    read = station(tmp_path, text)
+    assert read.camera == FolderSettings(str(tmp_path / "in"), exposure_ms=20.0)
+    assert read.facts["camera_path"] == "in"
+    producer = text.replace('"folder"\npath = "in"', '"gentl"\nproducer = "/opt/a.cti"')
+    assert station(tmp_path, producer).camera == GenTLSettings("/opt/a.cti", exposure_ms=20.0)
+
+
+def test_a_plug_ins_options(tmp_path: Path) -> None:
+    text = f'format = "fringeworks-station/1"\n{REAL}'
+    plugin = text.replace('"genicam"', '"plugin"\nname = "eye"')
+    assert station(tmp_path, plugin).camera == PluginSettings("eye", {}, 20.0)
+    given = plugin.replace('"eye"', '"eye"\noptions = { a = 1 }')
+    assert station(tmp_path, given).camera == PluginSettings("eye", {"a": 1}, 20.0)

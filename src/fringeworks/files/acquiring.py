@@ -43,19 +43,22 @@ class Tally:
     Attributes
     ----------
     stale
-        Exposed before the image that was to be seen had settled.
+        Exposed before the image that was to be seen had settled, or among the `drop_frames` after.
     repeated
         Delivered again under the same number.
     dropped
         Missing in the camera's count: lost, or not fetched in time.
     timeouts
         Waits in vain, after each of which the image was shown again.
+    misplaced
+        Whose corner code was not that of the image that was to be seen.
     """
 
     stale: int = 0
     repeated: int = 0
     dropped: int = 0
     timeouts: int = 0
+    misplaced: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +100,7 @@ class TallyTable(Table):
     repeated: Count
     dropped: Count
     timeouts: Count
+    misplaced: Count = 0
 
 
 class AcquiringFile(Table):

@@ -57,7 +57,7 @@ def write_stl_cloud(path: Path, cloud: Cloud) -> None:
     with replacing(path) as temporary, temporary.open("wb") as file:
         file.write(head[:STL_HEAD_BYTES].ljust(STL_HEAD_BYTES))
         file.write(len(triangles).to_bytes(4, "little"))
-        triangles.tofile(file)
+        file.write(triangles.tobytes())
 
 
 def write_obj_cloud(path: Path, cloud: Cloud) -> None:

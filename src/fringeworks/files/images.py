@@ -114,4 +114,5 @@ def write_image(path: str | Path, image: Frames) -> None:
     if not done:
         raise FormatError(f"{path}: OpenCV cannot encode an image of {image.shape}")
     with replacing(path) as temporary:
-        data.tofile(temporary)
+        # Not `tofile`, which does not tell of a disk that is full when it puts down its last bytes.
+        temporary.write_bytes(data.tobytes())

@@ -18,12 +18,12 @@ Noun = TypeVar("Noun")
 
 
 def table_of(noun: type[Any], **further: Any) -> type[Table]:
-    """A table with the fields of a dataclass under their names, types and defaults.
+    """A table with the fields of a dataclass under their names, types, bounds and defaults.
 
     Fields that are dataclasses become tables in it. `further` are more keys, each a type and a
     default as pydantic's `create_model` takes them.
     """
-    hints = get_type_hints(noun)
+    hints = get_type_hints(noun, include_extras=True)
     keys: dict[str, Any] = {item.name: _key(item, hints[item.name]) for item in fields(noun)}
     return pydantic.create_model(f"{noun.__name__}Table", __base__=Table, **{**further, **keys})
 
@@ -53,6 +53,8 @@ def _key(item: Field[Any], hint: Any) -> tuple[Any, Any]:
     kind = _file_type(hint)
     if is_dataclass(hint):
         return kind, pydantic.Field(default_factory=kind)
+    if item.default_factory is not MISSING:
+        return kind, pydantic.Field(default_factory=item.default_factory)
     return kind, ... if item.default is MISSING else item.default
 
 

@@ -51,7 +51,7 @@ def write_pcd_cloud(path: Path, cloud: Cloud) -> None:
     points["rgb"][cloud.valid] = red << 16 | green << 8 | blue
     with replacing(path) as temporary, temporary.open("wb") as file:
         file.write(_header(cloud).encode())
-        points.tofile(file)
+        file.write(points.tobytes())
 
 
 def _header(cloud: Cloud) -> str:

@@ -74,8 +74,8 @@ def write_ply(
     ]
     with replacing(path) as temporary, temporary.open("wb") as file:
         file.write(("\n".join(lines) + "\n").encode())
-        vertices.astype(VERTEX, copy=False).tofile(file)
-        faces.tofile(file)
+        file.write(vertices.astype(VERTEX, copy=False).tobytes())
+        file.write(faces.tobytes())
 
 
 def read_ply(path: Path) -> PlyPoints:

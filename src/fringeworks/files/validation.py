@@ -180,12 +180,17 @@ def _line(model: type[BaseModel], item: Mapping[str, Any]) -> str:
 _KINDS = {"set": "kind", "object": "shape", "position": "artefact"}
 """Arrays of tables of several kinds, and the key that tells which."""
 
+_DEVICES = ("projector", "camera")
+"""Tables of several kinds; their places have the kind between name and key."""
+
 _COUNTED = (*_KINDS, "pose")
 """Arrays of tables that messages count from 1; all other indices count from 0."""
 
 
 def _place(location: Location) -> tuple[str, str]:
     """``set 3 (fringe): `` and the key within."""
+    if location[0] in _DEVICES and len(location) == 3 and isinstance(location[2], str):
+        return "", _dotted((location[0], location[2]))
     if len(location) < 2 or location[0] not in _COUNTED or not isinstance(location[1], int):
         return "", _dotted(location)
     place, way = f"{location[0]} {location[1] + 1}", location[2:]
