@@ -35,7 +35,10 @@ class Grab:
 
 
 class ProjectorDevice(Protocol):
-    """Shows images of its own size, px, and depth, bits."""
+    """Shows images of its own size, px, and depth, bits; `name` tells it from others."""
+
+    @property
+    def name(self) -> str: ...
 
     @property
     def width(self) -> int: ...
@@ -57,7 +60,13 @@ class ProjectorDevice(Protocol):
 
 
 class CameraDevice(Protocol):
-    """Delivers frames of one size, px. `sensor` has its full scale, and its noise where known."""
+    """Delivers frames of one size, px. `sensor` has its full scale, and its noise where known.
+
+    `name` tells it from others.
+    """
+
+    @property
+    def name(self) -> str: ...
 
     @property
     def width(self) -> int: ...

@@ -118,6 +118,8 @@ class SimulatedBench:
 class SimulatedProjector:
     """A `ProjectorDevice`, dark until it shows something."""
 
+    name = "simulated"
+
     def __init__(self, stage: Exposing, clock: Clock, *, latency_s: float) -> None:
         device = stage.projector
         self.width, self.height = device.width, device.height
@@ -155,6 +157,8 @@ class SimulatedProjector:
 
 class SimulatedCamera:
     """A `CameraDevice` that takes a frame every `Effects.frame_interval_ms`."""
+
+    name = "simulated"
 
     def __init__(
         self,
