@@ -78,7 +78,7 @@ class Interrupted:
     """A camera, and somebody who presses Ctrl-C at its k-th grab."""
 
     def __init__(self, camera: CameraDevice, *, at: int) -> None:
-        self.width, self.height = camera.width, camera.height
+        self.name, self.width, self.height = camera.name, camera.width, camera.height
         self.sensor: Sensor = camera.sensor
         self._camera, self._left = camera, at
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fringeworks.acquire import Tally, Timing, acquire_sequence
-from fringeworks.devices import Faults, Grab, MonotonicClock, SimulatedBench
+from fringeworks.devices import CameraDevice, Faults, Grab, MonotonicClock, SimulatedBench
 from fringeworks.errors import DeviceError
 from fringeworks.files import read_capture, read_image
 from fringeworks.model import Frames, Sensor
@@ -130,6 +130,7 @@ class Stub:
     frames: list[Grab | Exception]
     width: int = WIDTH
     height: int = HEIGHT
+    name: str = "stub"
     sensor: Sensor = field(default_factory=lambda: Sensor(255.0))
 
     def grab(self, *, exposure_ms: float, timeout_s: float) -> Grab:
@@ -161,6 +162,37 @@ def test_a_camera_that_was_started_again_leaves_no_gap(tmp_path: Path) -> None:
     ]
     done = acquire(tmp_path, camera=Stub(frames))
     assert done.frames == Tally()
+
+
+@dataclass
+class TimedByArrival:
+    """A camera that says of its frames when they came, 100 ms after they began."""
+
+    camera: CameraDevice
+    name: str = "late"
+    width: int = WIDTH
+    height: int = HEIGHT
+    sensor: Sensor = field(default_factory=lambda: Sensor(255.0))
+
+    def grab(self, *, exposure_ms: float, timeout_s: float) -> Grab:
+        grab = self.camera.grab(exposure_ms=exposure_ms, timeout_s=timeout_s)
+        return replace(grab, start_s=grab.start_s + 0.1)
+
+    def close(self) -> None: ...
+
+
+def test_frames_to_drop_make_up_for_times_that_lie(tmp_path: Path) -> None:
+    """Three frames begin in the 100 ms by which the settling time is cut short."""
+    bench = make_bench()
+    acquire(tmp_path / "none", bench, camera=TimedByArrival(bench[0].camera))
+    with pytest.raises(AssertionError):
+        assert_every_image_shows_its_pattern(tmp_path / "none")
+    bench = make_bench()
+    timing = Timing(drop_frames=3)
+    done = acquire(tmp_path / "some", bench, camera=TimedByArrival(bench[0].camera), timing=timing)
+    assert_every_image_shows_its_pattern(tmp_path / "some")
+    assert done.frames.stale >= 3 * PATTERNS
+    assert read_capture(tmp_path / "some").provenance["drop_frames"] == 3
 
 
 def test_the_machines_clock_does_too(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from fringeworks import __version__
 from fringeworks.acquire.frames import FrameTaker, Shot
 from fringeworks.acquire.journal import Journal
+from fringeworks.acquire.locating import locate_code
 from fringeworks.acquire.lock import locked
 from fringeworks.devices import CameraDevice, Clock, MonotonicClock, ProjectorDevice
 from fringeworks.errors import DeviceError, UsageError
@@ -20,6 +21,7 @@ from fringeworks.files.station import Timing
 from fringeworks.model import Frames, GreyCurve, PatternSet, Sequence
 from fringeworks.model.progress import Progress, no_progress
 from fringeworks.patterns import frame_names, render_sequence
+from fringeworks.patterns.corner_code import CornerCode
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +57,7 @@ def acquire_sequence(
     clock: Clock | None = None,
     facts: Mapping[str, Setting] | None = None,
     curve: GreyCurve | None = None,
+    proof: bool = False,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Acquisition:
@@ -82,6 +85,9 @@ def acquire_sequence(
         provenance.
     curve
         Pre-distorts what is shown; say in `facts` which it is.
+    proof
+        Whether each image bears a corner code that its frame must show; pixels that see it are
+        written as 0.
     overwrite
         Begin anew in a folder that holds a capture, other files, or a part of this one.
     progress
@@ -99,10 +105,13 @@ def acquire_sequence(
         A file cannot be written.
     """
     timing, clock = timing or Timing(), clock or MonotonicClock()
-    shots = _plan(sequence, exposure_ms)
-    _check(sequence, projector, shots=shots, timing=timing)
+    shots = plan_shots(sequence, exposure_ms)
+    check_sequence(sequence, projector, shots=shots, timing=timing)
     rendered = render_sequence(sequence, bits=projector.bits, curve=curve)
     settings = _settings(projector, camera, exposure_ms=exposure_ms, timing=timing)
+    code = CornerCode(sequence.width, sequence.height) if proof else None
+    if code is not None:
+        settings["corner_code"] = f"cells of {code.cell_px} px"
     plan = Acquiring(_describe(sequence), {**settings, **(facts or {})})
     # What could not be written in the end is refused before the work.
     describe_capture(sequence, sensor=camera.sensor, provenance=plan.settings)
@@ -111,10 +120,14 @@ def acquire_sequence(
         journal = Journal(Path(folder), plan, names=names, overwrite=overwrite)
         missing = [shot for shot in shots if shot.name not in journal.state.images]
         tally = journal.state.frames
-        taker = FrameTaker(projector, camera, clock=clock, timing=timing, tally=tally)
-        pairs = zip(
-            (progress or no_progress)(missing, "acquiring"), _images(missing, rendered), strict=True
-        )
+        images, reader = shown_images(missing, rendered), None
+        if code is not None and missing:
+            code, reader = locate_code(
+                projector, camera, clock=clock, timing=timing, exposure_ms=exposure_ms
+            )
+            images = _stamped(code, missing, images, white=2**projector.bits - 1)
+        taker = FrameTaker(projector, camera, clock=clock, timing=timing, tally=tally, proof=reader)
+        pairs = zip((progress or no_progress)(missing, "acquiring"), images, strict=True)
         if journal.state.images and missing:
             journal.resume_at(missing[0].name)
         _take_all(pairs, taker, journal=journal, clock=clock)
@@ -141,17 +154,30 @@ def _take_all(
         journal.add(shot.name, seen, time_s=start_s - begin_s, frames=taker.tally)
 
 
-def _plan(sequence: Sequence, exposure_ms: float) -> list[Shot]:
-    return [
-        Shot(name, place, index // item.repeats, item.exposure_ms or exposure_ms)
-        for place, (item, row) in enumerate(zip(sequence.sets, frame_names(sequence), strict=True))
-        for index, name in enumerate(row)
-    ]
+def plan_shots(sequence: Sequence, exposure_ms: float) -> list[Shot]:
+    """Every image of a sequence in its order; those that show one pattern have one corner code."""
+    shots: list[Shot] = []
+    shown = 0
+    for place, (item, row) in enumerate(zip(sequence.sets, frame_names(sequence), strict=True)):
+        exposure = item.exposure_ms or exposure_ms
+        for index, name in enumerate(row):
+            frame = index // item.repeats
+            shots.append(Shot(name, place, frame, exposure, shown + frame))
+        shown += len(row) // item.repeats
+    return shots
 
 
-def _check(
+def _stamped(
+    code: CornerCode, shots: list[Shot], images: Iterator[Frames], *, white: int
+) -> Iterator[Frames]:
+    for shot, image in zip(shots, images, strict=True):
+        yield code.stamp(image, shot.code, white=white)
+
+
+def check_sequence(
     sequence: Sequence, projector: ProjectorDevice, *, shots: list[Shot], timing: Timing
 ) -> None:
+    """Refuse what cannot be shown, or seen in time, with a UsageError."""
     shown, own = f"{sequence.width}x{sequence.height}", f"{projector.width}x{projector.height}"
     if shown != own:
         raise UsageError(f"sequence must be of the projector's size, {own} px, got {shown} px")
@@ -163,7 +189,9 @@ def _check(
         )
 
 
-def _images(shots: list[Shot], rendered: Iterator[tuple[PatternSet, Frames]]) -> Iterator[Frames]:
+def shown_images(
+    shots: list[Shot], rendered: Iterator[tuple[PatternSet, Frames]]
+) -> Iterator[Frames]:
     """What each of the shots shows, one set in memory at a time."""
     for place, (item, stack) in enumerate(rendered):
         for shot in shots:
@@ -175,12 +203,18 @@ def _settings(
     projector: ProjectorDevice, camera: CameraDevice, *, exposure_ms: float, timing: Timing
 ) -> dict[str, Setting]:
     """What the images depend on; how long to wait for them may change."""
+    dropping = {"drop_frames": timing.drop_frames} if timing.drop_frames else {}
     return {
-        "projector": f"{projector.width}x{projector.height} px, {projector.bits} bit",
-        "camera": f"{camera.width}x{camera.height} px, full scale {camera.sensor.full_scale:g}",
+        "projector": f"{projector.name}: {_size(projector)}, {projector.bits} bit",
+        "camera": f"{camera.name}: {_size(camera)}, full scale {camera.sensor.full_scale:g}",
         "exposure_ms": exposure_ms,
         "settle_ms": timing.settle_ms,
+        **dropping,
     }
+
+
+def _size(device: ProjectorDevice | CameraDevice) -> str:
+    return f"{device.width}x{device.height} px"
 
 
 def _describe(sequence: Sequence) -> str:
