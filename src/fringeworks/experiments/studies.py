@@ -12,6 +12,8 @@ from fringeworks.experiments.extended_study import study_extended
 from fringeworks.experiments.models import study_models
 from fringeworks.experiments.orders import study_orders
 from fringeworks.experiments.study import StudyMaker
+from fringeworks.experiments.watching import study_watching
+from fringeworks.experiments.zones import study_zones
 
 STUDIES: Mapping[str, StudyMaker] = MappingProxyType(
     {
@@ -20,6 +22,8 @@ STUDIES: Mapping[str, StudyMaker] = MappingProxyType(
         "extended": study_extended,
         "models": study_models,
         "orders": study_orders,
+        "watch": study_watching,
+        "zones": study_zones,
     }
 )
 
