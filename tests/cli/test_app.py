@@ -15,6 +15,8 @@ from tests.cli.scenes import plain, run
 
 VERBS = (
     "patterns",
+    "devices",
+    "preview",
     "acquire",
     "twin",
     "board",

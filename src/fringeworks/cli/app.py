@@ -21,20 +21,24 @@ from fringeworks.cli.compare import change, compare
 from fringeworks.cli.convert import convert
 from fringeworks.cli.decode import decode
 from fringeworks.cli.demo import demo
+from fringeworks.cli.devices import devices
 from fringeworks.cli.exchange import export_rig, import_rig
 from fringeworks.cli.found import auto
 from fringeworks.cli.frame import frame
+from fringeworks.cli.latency import latency
 from fringeworks.cli.measure import measure
 from fringeworks.cli.merge import merge
 from fringeworks.cli.noise import noise
 from fringeworks.cli.output import print_error
 from fringeworks.cli.patterns import patterns
+from fringeworks.cli.preview import preview
 from fringeworks.cli.reproduce import reproduce
 from fringeworks.cli.response import response
 from fringeworks.cli.scan import scan
 from fringeworks.cli.sections import section
 from fringeworks.cli.twin import twin
 from fringeworks.cli.verify import verify
+from fringeworks.cli.watch import watch
 from fringeworks.errors import FringeworksError
 
 INTERRUPTED = 130
@@ -42,6 +46,9 @@ INTERRUPTED = 130
 
 ALONG_THE_LINE = (
     "patterns",
+    "devices",
+    "preview",
+    "latency",
     "acquire",
     "twin",
     "board",
@@ -55,6 +62,7 @@ ALONG_THE_LINE = (
     "noise",
     "decode",
     "scan",
+    "watch",
     "convert",
     "frame",
     "merge",
@@ -128,6 +136,21 @@ _add(
     example="patterns measure --projector 1920x1080 --out patterns/",
 )
 _add(
+    devices,
+    short="Which projectors and cameras are there.",
+    example="devices",
+)
+_add(
+    preview,
+    short="The live image, its saturation and its focus.",
+    example="preview --station station.toml",
+)
+_add(
+    latency,
+    short="How long the projector's light takes; what to wait for.",
+    example="latency --station station.toml --figures figures/",
+)
+_add(
     acquire,
     short="Show patterns, grab the frames, write a capture.",
     example="acquire measure --station station.toml --out capture/",
@@ -192,7 +215,14 @@ _add(
 _add(
     scan,
     short="From a capture and a rig to a cloud.",
-    example="scan capture/ --rig rig.json --out cloud.ply --z-range 500:900",
+    example="scan capture/ --rig rig.json --out cloud.ply --z-range 500:900 "
+    "(or: scan --station station.toml --out cloud.ply)",
+)
+_add(
+    watch,
+    short="Scan after scan, logged; zones that fill (no safety function).",
+    example="watch --station station.toml --out watched/ --every 10 --zone "
+    "bench=-50:50,-50:50,600:680",
 )
 _add(
     convert,

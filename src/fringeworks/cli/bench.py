@@ -23,9 +23,9 @@ def bench(
         str | None,
         typer.Argument(
             metavar="[STUDY]",
-            help="A study in place of the metrics: calibration, check, extended, models, orders. "
-            "Minutes each; a second run of calibration or models goes on where the first was cut "
-            "off.",
+            help="A study in place of the metrics: calibration, check, extended, models, orders, "
+            "watch, zones. Minutes each; a second run of calibration, orders or models goes on "
+            "where the first was cut off.",
         ),
     ] = None,
     quick: Annotated[

@@ -1,4 +1,4 @@
-"""``fringeworks scan``: from a capture to a cloud."""
+"""``fringeworks scan``: from a capture, or from a station, to a cloud."""
 
 from __future__ import annotations
 
@@ -23,19 +23,34 @@ from fringeworks.cli.motion import (
 )
 from fringeworks.cli.output import JsonFlag, Output, percent
 from fringeworks.cli.response import ResponseOption, read_asked, summarise_used
+from fringeworks.cli.station_scan import (
+    Asked,
+    KeepOption,
+    PresetOption,
+    StationOption,
+    take_or_read,
+)
 
 Model = Literal["geometric", "extended", "full"]
 
 
 def scan(
-    capture: Annotated[Path, typer.Argument(help="Folder with capture.toml and its images.")],
-    rig: Annotated[Path, typer.Option("--rig", help="rig.json of `fringeworks calibrate`.")],
     out: Annotated[
         Path,
         typer.Option(
             "--out", metavar="CLOUD", help="File to write: .npz, .ply or others of `convert`."
         ),
     ],
+    capture: Annotated[
+        Path | None, typer.Argument(help="Folder with capture.toml and its images; or --station.")
+    ] = None,
+    rig: Annotated[
+        Path | None,
+        typer.Option("--rig", help="rig.json of `fringeworks calibrate` [default: the station's]."),
+    ] = None,
+    station: StationOption = None,
+    preset: PresetOption = "measure",
+    keep: KeepOption = None,
     axis: Annotated[
         Axis | None,
         typer.Option("--axis", help="Use this axis alone [default: all that are coded]."),
@@ -77,6 +92,7 @@ def scan(
 ) -> None:
     """Measure: decode a capture and triangulate it with a rig into a cloud, mm, camera frame.
 
+    --station takes the capture now, and keeps no images unless --keep says where.
     Both lenses' distortion is part of the model; where both axes are coded, both are used,
     weighted by their sigma (--model has the paper's models, of one axis). Depths come from a
     table that is within 1 um of the model, unless --exact. .npz keeps the pixel grid and sigma;
@@ -85,9 +101,11 @@ def scan(
     depths = None
     if z_range is not None:
         (depths,) = parse_ranges(z_range, option="--z-range", form="MIN:MAX")
+    asked = Asked(capture=capture, rig=rig, station=station, preset=preset, keep=keep)
+    asked.check()
     output = Output(as_json=as_json)
     from fringeworks.cli.convert import move_to
-    from fringeworks.files import read_capture, read_rig, write_cloud
+    from fringeworks.files import write_cloud
     from fringeworks.files.response import response_of_rig
     from fringeworks.phase.demodulate import MaskRules
     from fringeworks.phase.response import choose_response
@@ -97,8 +115,7 @@ def scan(
     from fringeworks.report.summary import summarise_cloud
 
     with output.working() as progress:
-        calibrated = read_rig(rig)
-        read = read_capture(capture, group=group, progress=progress)
+        read, calibrated = take_or_read(asked, group=group, progress=progress)
         output.findings(read.name, read.findings)
         read, moved = hold_asked(read, motion)
         rules = CloudRules(axis=axis, z_range_mm=depths, exact=exact)
@@ -110,7 +127,8 @@ def scan(
         else:
             cloud, decoding = scan_stages(read, calibrated, **options)
         output.findings(read.name, cloud.findings)
-        write_cloud(out, cloud if frame is None else move_to(cloud, frame, (rig, calibrated)))
+        known = (asked.rig_source, calibrated)
+        write_cloud(out, cloud if frame is None else move_to(cloud, frame, known))
         drawn: list[Path] = []
         if figures is not None:
             from fringeworks.report.cloud import save_cloud
@@ -124,7 +142,7 @@ def scan(
     output.written([out])
     output.written(drawn)
     output.result(
-        {"capture": read.name, "rig": rig, "out": out, **summary, "figures": drawn}
+        {"capture": read.name, "rig": asked.rig_source, "out": out, **summary, "figures": drawn}
         | {"response": summarise_used(used), "motion": summarise_motion(moved)}
         | {"findings": [str(finding) for finding in (*read.findings, *cloud.findings)]}
     )
