@@ -37,7 +37,10 @@ setup: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt
 	@$(call make_venv,$(VENV))
 	@echo "setup: installing fringeworks and its tools into $(VENV) (the first time takes minutes)"
-	@$(BIN)/python $(PIP_INSTALL) -c constraints.txt -e '.[dev,mesh,register,e57]'
+	@$(BIN)/python $(PIP_INSTALL) -c constraints.txt -e '.[dev,mesh,register,e57,hardware]'
+	@if pkg-config --exists gobject-introspection-1.0 cairo gio-2.0 2>/dev/null; then \
+		$(BIN)/python $(PIP_INSTALL) -c constraints.txt -e '.[aravis]'; \
+	fi
 	@touch $@
 	@echo "setup: done, try $(BIN)/fringeworks --help"
 
